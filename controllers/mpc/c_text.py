@@ -19,7 +19,7 @@ from controllers.valve_inverse import ValveInverse
 from workbench.arrays import Matrix
 
 REPORTS = (
-    "slack: largest pressure out of its limits over the horizon, Pa; NaN with a fallback",
+    "slack: largest limited output out of its limits over the horizon, SI; NaN with a fallback",
     "iterations of the solver",
     "fallback: 1 where the solver failed, else 0",
 )
@@ -95,8 +95,9 @@ static int {name}_step(const double *measurement, const double *reference, doubl
     # An iteration that lets go the first of n active rows.
     iteration = (n + m) * n + 7 * n * n + 5 * n**3
     notes = (
-        f"Each step solves a quadratic program with {n} variables (the moves of the openings and",
-        f"one slack), {m} constraints and {n} bounds by a dual active-set method.",
+        f"Each step solves a quadratic program with {n} variables (the moves, and one slack), {m}",
+        f"constraints and {n} bounds by a dual active-set method. An opening is a command as a",
+        "fraction of its full range, by the inverse of its curve.",
         "Status of the law: 0 solved, 1 given up after too many iterations, 2 constraints that",
         "contradict each other, 3 a number that is not finite.",
         f"At most {limit} iterations; {prepared} multiplications without active constraints, at",
@@ -104,8 +105,8 @@ static int {name}_step(const double *measurement, const double *reference, doubl
         "are met: measure it on the target with large steps of the reference.",
         f"Memory: {static} bytes static, {constants} bytes of constants. The static memory holds",
         "nothing from step to step, but two steps must not run at the same time.",
-        "Fallback where the status is not 0: the unconstrained regulator, clipped to the",
-        "opening's limits.",
+        "Fallback where the status is not 0: the unconstrained regulator, clipped to the ends of",
+        "the commands.",
     )
     several = len(curves) > 1
     applied = tuple(

@@ -22,7 +22,7 @@ CasADi, Math. Programming Computation 11, 2019.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -31,6 +31,7 @@ import numpy as np
 
 from workbench.arrays import Matrix, Vector
 from workbench.errors import WorkbenchError
+from workbench.registry import user_code
 
 LINEAR = 1e-9
 """What rounding may leave of a part that has to vanish, relative to the rest."""
@@ -125,7 +126,7 @@ def formulated(
     (n_z, m), N, p = gamma.shape, sum(blocks), weights[0].numel()
     n_u, n_x = m * len(blocks), cost_to_go.shape[0]
     q, r, s = (ca.sqrt(part) for part in weights)
-    symbols = ca.MX.sym("symbols", n_u + 1 + n_z + N * p + m)
+    symbols = ca.MX.sym(_SYMBOLS, n_u + 1 + n_z + N * p + m)
     ends = np.cumsum([0, n_u, 1, n_z, N * p, m]).tolist()
     moves, slack, estimate, path, before = ca.vertsplit(symbols, ends)
 
@@ -169,6 +170,42 @@ def formulated(
         upper,
         tuple(part for part in known if isinstance(part, ca.MX)),
     )
+
+
+def changed_by(change: Change, problem: Formulation) -> Formulation:
+    """Return what a user's function makes of a problem.
+
+    Raises:
+        WorkbenchError: If it fails, or returns no problem, one with other symbols, or limits of
+            other lengths than its rows.
+    """
+    with user_code("change of an MPC's problem"):
+        found = change(problem)
+    if not isinstance(found, Formulation):
+        raise WorkbenchError(
+            f"change of an MPC's problem returns a {type(found).__name__}; return the Formulation,"
+            " as replace(problem, cost=...) of dataclasses does"
+        )
+    foreign = [
+        symbol.name()
+        for symbol in ca.symvar(ca.vertcat(found.cost, found.rows))
+        if symbol.name() != _SYMBOLS
+    ]
+    if foreign:
+        raise WorkbenchError(
+            f"cost or rows of an MPC's changed problem hold {', '.join(foreign)}, which nothing"
+            " gives a value; write numbers, or moves, slack, estimate, path and before"
+        )
+    lower, upper = (np.asarray(ca.DM(ends)).ravel() for ends in (found.lower, found.upper))
+    if not len(lower) == len(upper) == found.rows.numel():
+        raise WorkbenchError(
+            f"an MPC's changed problem has {found.rows.numel()} rows, {len(lower)} lower and"
+            f" {len(upper)} upper limits; give each row one of both, 1e9 for none"
+        )
+    return replace(found, lower=lower, upper=upper)
+
+
+_SYMBOLS = "symbols"
 
 
 def limits_of(

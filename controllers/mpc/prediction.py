@@ -15,7 +15,15 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from controllers.mpc.formulation import Change, Form, condensed, formulated, limits_of, usual
+from controllers.mpc.formulation import (
+    Change,
+    Form,
+    changed_by,
+    condensed,
+    formulated,
+    limits_of,
+    usual,
+)
 from controllers.quadratic_program.solver import Factored, factored
 from controllers.riccati import regulator
 from workbench.arrays import Matrix, Vector, product
@@ -155,8 +163,14 @@ def condense(
     if change is None:
         found = condensed(usual(tuple(np.shape(part) for part in numbers), form), numbers)
     else:
-        problem = change(formulated(numbers, form, (lower, upper)))
+        problem = changed_by(change, formulated(numbers, form, (lower, upper)))
         lower, upper, found = problem.lower, problem.upper, condensed(problem)
+        least = float(np.linalg.eigvalsh(found[0])[0])
+        if not least > -_LEAST * float(np.abs(found[0]).max()):
+            raise WorkbenchError(
+                "the cost of an MPC's changed problem has no minimum: its Hessian has the"
+                f" eigenvalue {least:.3g}; add squares, take none away"
+            )
     return Prediction(
         *found,
         lower_a=lower,

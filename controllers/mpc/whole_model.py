@@ -29,7 +29,7 @@ blocking, soft constraints); Rawlings, Mayne and Diehl, Model Predictive Control
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -103,6 +103,7 @@ class LinearMPC(ValveController):
         brake: Largest changes of these changes from one sample to the next, in SI of the outputs.
         leap: Changes of the references that need no brake, in SI of the outputs per sample.
         solver: Solver of the program, ``"own"`` or one of CasADi's; in C it is the own one.
+        stated: Condenses the problem of the prediction, which a ``change`` may have changed.
     """
 
     observer: DisturbanceObserver
@@ -117,6 +118,31 @@ class LinearMPC(ValveController):
     leap: tuple[float, ...] = ()
     solver: str = OWN
     name: str = "linear MPC"
+    stated: Callable[..., Prediction] | None = None
+
+    def changed(self, change: Change) -> LinearMPC:
+        """Return the MPC of another problem: with other costs, rows or limits.
+
+        Args:
+            change: Takes the `controllers.mpc.formulation.Formulation`, expressions of CasADi, and
+                returns the one that is solved.
+
+        Raises:
+            WorkbenchError: If it returns none, or one that is no quadratic program with a minimum.
+
+        Example:
+            >>> import casadi as ca
+            >>> from controllers.plain.mpc import design_plain_mpc
+            >>> law = design_plain_mpc("1 / (s (0.2 s + 1))")
+            >>> def calmer(problem):
+            ...     moves = ca.sumsqr(ca.diff(problem.openings))
+            ...     return replace(problem, cost=problem.cost + 10.0 * moves)
+            >>> calm = law.changed(calmer)
+            >>> (calm.prediction.H[0, 0] > law.prediction.H[0, 0]).item()
+            True
+        """
+        assert self.stated is not None
+        return replace(self, prediction=self.stated(change=change))
 
     @property
     def curves(self) -> tuple[ValveInverse, ...]:
@@ -421,7 +447,7 @@ def design_mpc(
     linear = linear_model(linear)
     want = specification or MPCSpecification()
     step, edge = want.prediction_time, want.opening_limit
-    return mpc_of(
+    law = mpc_of(
         linear,
         Problem(
             curves=(ValveInverse(),),
@@ -435,8 +461,8 @@ def design_mpc(
             reference_speed=(want.reference_speed,),
         ),
         want,
-        change=change,
     )
+    return law.changed(change) if change else law
 
 
 class Problem(NamedTuple):
@@ -476,7 +502,6 @@ def mpc_of(
     problem: Problem,
     want: MPCSpecification,
     *,
-    change: Change | None = None,
     observer: DisturbanceObserver | None = None,
 ) -> LinearMPC:
     """Design a linear MPC of any number of openings and followed outputs."""
@@ -491,7 +516,8 @@ def mpc_of(
     moves = np.tile(np.array(problem.move_limit), len(want.blocks))
     if problem.first_limit:
         moves[: len(at_rest)] = np.minimum(moves[: len(at_rest)], problem.first_limit)
-    prediction = condense(
+    stated = partial(
+        condense,
         A,
         B * np.array([entry.per_opening for entry in entries]),
         E,
@@ -509,8 +535,8 @@ def mpc_of(
             )
         ),
         softness=want.softness,
-        change=change,
     )
+    prediction = stated()
     unit = np.eye(len(sensors))
     start = np.column_stack(
         [observer.at_rest(tuple(observer.rest + column), A, E) for column in unit]
@@ -531,6 +557,7 @@ def mpc_of(
         controlled=sensors[:followed],
         actuators=problem.actuators,
         preview=index[-1] if want.preview else 0,
+        stated=stated,
     )
 
 
@@ -540,7 +567,7 @@ def acting_later(law: LinearMPC, samples: int) -> LinearMPC:
     Those on their way are states, the last one first, behind the plant's. What is minimised begins
     when the first move acts, from the states foretold until then.
     """
-    o, p = law.observer, law.prediction
+    o = law.observer
     (n, m), w, more = o.G.shape, o.disturbances, samples * o.G.shape[1]
     places = n - w
     F, G = np.zeros((n + more, n + more)), np.zeros((n + more, m))
@@ -549,22 +576,40 @@ def acting_later(law: LinearMPC, samples: int) -> LinearMPC:
     F[own, places + more - m : places + more] = o.G
     F[places + m : places + more, places : places + more - m] = np.eye(more - m)
     G[places : places + m] = np.eye(m)
-    ahead = foretold(o.F, o.G, samples, places)
 
     def spread(part: Matrix, axis: int) -> Matrix:
         return np.insert(part, [places] * more, 0.0, axis=axis)
 
     observer = replace(o, F=F, G=G, C=spread(o.C, 1), M=spread(o.M, 0))
+    ahead = foretold(o.F, o.G, samples, places)
+    prediction = _begun_later(law.prediction, ahead, samples)
+    assert law.stated is not None
+    stated = partial(_condensed_later, law.stated, ahead, samples)
+    start = spread(law.start, 0)
+    return replace(law, observer=observer, prediction=prediction, start=start, stated=stated)
+
+
+def _condensed_later(
+    stated: Callable[..., Prediction], ahead: Matrix, samples: int, *, change: Change
+) -> Prediction:
+    return _begun_later(stated(change=change), ahead, samples)
+
+
+def _begun_later(prediction: Prediction, ahead: Matrix, samples: int) -> Prediction:
+    """Return a prediction that begins some samples later, at what ``ahead`` makes of an estimate.
+
+    Its openings until then are states behind those of the plant.
+    """
+    m, places = prediction.gain.shape
+    own, p = slice(places + samples * m), prediction
     at_rest = np.vstack([p.target[:places], *[p.target[places:]] * samples, p.target[places:]])
-    prediction = replace(
+    return replace(
         p,
         g_estimate=p.g_estimate @ ahead,
         rows_estimate=p.rows_estimate @ ahead,
-        gain=p.gain @ ahead[:places, : places + more],
+        gain=p.gain @ ahead[:places, own],
         target=at_rest,
     )
-    start = spread(law.start, 0)
-    return replace(law, observer=observer, prediction=prediction, start=start)
 
 
 def reference_paths(speeds: Sequence[float], sample_time: float, index: tuple[int, ...]) -> Matrix:

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.mpc.disturbance_observer import DisturbanceObserver
+from controllers.mpc.formulation import Change
 from controllers.mpc.whole_model import (
     LinearMPC,
     MPCSpecification,
@@ -89,9 +90,16 @@ class PlainMPCSpecification(LoopSpecification):
 
 
 def design_plain_mpc(
-    linear: LinearModel, specification: PlainMPCSpecification | None = None
+    linear: LinearModel,
+    specification: PlainMPCSpecification | None = None,
+    *,
+    change: Change | None = None,
 ) -> LinearMPC:
     """Design a linear MPC without offset for any linear model.
+
+    Args:
+        change: Takes the problem of the design, a `controllers.mpc.formulation.Formulation` of
+            expressions of CasADi, and returns the one that is solved.
 
     Raises:
         WorkbenchError: If the outputs cannot be led to references by the commands, or a Riccati
@@ -99,7 +107,8 @@ def design_plain_mpc(
     """
     want = (specification or PlainMPCSpecification()).sampled(linear)
     # What else is measured is held against the model at rest, from which a plant is far elsewhere.
-    return designed_for(want, linear, partial(_within, want), lambda *_: False)
+    law = designed_for(want, linear, partial(_within, want), lambda *_: False)
+    return law.changed(change) if change else law
 
 
 def _within(want: PlainMPCSpecification, limits: LoopLimits) -> LinearMPC:

@@ -9,12 +9,14 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from controllers.mpc.formulation import Formulation
+from controllers.mpc.formulation import Change, Formulation
 from controllers.mpc.whole_model import LinearMPC, MPCSpecification, design_mpc
+from controllers.plain.mpc import design_plain_mpc
 from controllers.quadratic_program.solver import OPTIONS, OWN, quadratic_program
 from tests.controllers.in_c import InC
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
+from workbench.verification import Scenario, Steps, verify
 
 
 @pytest.fixture(scope="module")
@@ -105,6 +107,49 @@ def test_what_a_program_cannot_hold_is_refused(linear: LinearModel) -> None:
         design_mpc(linear, change=lambda f: replace(f, cost=f.cost + ca.sum1(f.moves**4)))
     with pytest.raises(WorkbenchError, match="a constant"):
         design_mpc(linear, change=lambda f: replace(f, cost=f.cost + 1e3 * f.moves[0]))
+
+
+@pytest.mark.parametrize("plant", ["1 / (s (0.2 s + 1))", "2 exp(-0.3 s) / (s + 1)"])
+def test_the_problem_of_any_plant_may_be_changed(plant: str, tmp_path: Path) -> None:
+    # The second one predicts with its delay held sample by sample, from states foretold.
+    usual = design_plain_mpc(plant)
+
+    def kept_below(problem: Formulation) -> Formulation:
+        outputs = problem.outputs[0, :].T
+        rows = ca.vertcat(problem.rows, outputs - 1e-4 * problem.slack)
+        ends = np.full(outputs.numel(), 1e9)
+        lower, upper = np.append(problem.lower, -ends), np.append(problem.upper, 0.0 * ends + 0.6)
+        return replace(problem, rows=rows, lower=lower, upper=upper)
+
+    ends, h = {}, usual.sample_time
+    scenario = Scenario("step", {"y": Steps((0.0, 0.1), (0.0, 1.0))}, 6.0, sample_time=h)
+    for law in (usual, usual.changed(kept_below)):
+        ends[law] = verify(law, plant, scenario.without_imperfections()).outputs[-1, 0]
+    asked, limited = ends.values()
+    assert asked == pytest.approx(1.0, abs=0.02) and limited == pytest.approx(0.6, abs=0.02)
+    in_c, state = InC(law, tmp_path), law.initial_state((0.0,))
+    in_c.start((0.0,))
+    for _ in range(40):
+        command, state, _ = law.step(state, (0.0,), (1.0,))
+        in_c.step((0.0,), (1.0,))
+        assert in_c.command[0] == pytest.approx(command[0], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda f: None, "returns a NoneType"),
+        (lambda f: replace(f, cost=f.cost + ca.MX.sym("mass") ** 2), "hold mass, which nothing"),
+        (lambda f: replace(f, upper=f.upper[1:]), r"\d+ rows, \d+ lower and \d+ upper limits"),
+        (lambda f: replace(f, cost=f.cost - 1e6 * ca.sumsqr(f.moves)), "has no minimum"),
+        (lambda f: f.costs, "change of an MPC's problem failed: AttributeError"),
+    ],
+)
+def test_a_mistake_in_a_change_is_a_sentence(
+    linear: LinearModel, change: Change, told: str
+) -> None:
+    with pytest.raises(WorkbenchError, match=told):
+        design_mpc(linear, change=change)
 
 
 @pytest.mark.parametrize("solver", OPTIONS)
