@@ -132,6 +132,8 @@ def test_a_column_of_a_distillation_has_rows_for_outputs() -> None:
         ("1/(s+1))", "')' stands behind '1/(s+1)'"),
         ("exp(s)/(s+1)", "T above 0 s"),
         ("1/(s-s)", "divides by zero"),
+        ("(s-1)/((s-1)*(s+1))", "divides out s = 1 rad/s"),
+        ("1/(s^2-2s+5) * (s^2-2s+5)", "which grows by itself"),
         ("[1/s, 2/s; 3/s]", "have 2, 1 entries"),
         ("(s+1)^0.5/s", "a whole exponent"),
         ("1/s $", "'$' stands behind '1/s'"),

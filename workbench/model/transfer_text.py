@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.model.linear_system import Late, late_system
 
@@ -57,6 +58,9 @@ def _numbered(letter: str, count: int) -> list[str]:
 
 
 _Sum = list[Late]
+
+_SAME = 1e-6
+"""Distance of a zero from a pole, over its size, at which they are one."""
 
 
 class _Parser:
@@ -130,7 +134,23 @@ class _Parser:
             factor = self._power()
             # A bracket ends what is divided by.
             divided = sign == "/" and self._tokens[self._place - 1][0] != ")"
-            found = _times(found, self._turned(factor) if sign == "/" else factor)
+            factor = self._turned(factor) if sign == "/" else factor
+            for a, b in ((a, b) for a in found for b in factor):
+                self._keeps_growing(a.num, b.den)
+                self._keeps_growing(b.num, a.den)
+            found = _times(found, factor)
+
+    def _keeps_growing(self, num: Vector, den: Vector) -> None:
+        """Refuse to divide out what grows: it would still do so, and nothing would show it."""
+        zeros, poles = np.roots(num), np.roots(den)
+        for pole in poles[poles.real > _SAME * np.abs(poles)]:
+            if np.any(np.abs(zeros - pole) < _SAME * abs(pole)):
+                told = f"{pole:.4g}" if pole.imag else f"{pole.real:.4g}"
+                raise WorkbenchError(
+                    f"{self._text!r} divides out s = {told} rad/s, which grows by itself: the plant"
+                    " would run away inside while its output rests, and no controller could hold"
+                    " it; give a zero beside the pole, or what is left without both"
+                )
 
     def _turned(self, factor: _Sum) -> _Sum:
         """Return one over a factor."""
