@@ -123,3 +123,14 @@ def test_what_one_package_breaks_stops_nobody_else(monkeypatch: pytest.MonkeyPat
     assert registry.names() == ("mill",)
     with pytest.raises(WorkbenchError, match="of acme failed"):
         registry.get("crash")
+
+
+def test_what_a_function_imports_when_it_is_called_stands_beside_it(tmp_path: Path) -> None:
+    _write(tmp_path, "my_own_helper", "value = 3.0\n")
+    _write(
+        tmp_path,
+        "my_own_designs",
+        "def best():\n    import my_own_helper\n    return my_own_helper.value\n",
+    )
+    best = load_object("design", "my_own_designs:best", folder=tmp_path)
+    assert best() == 3.0

@@ -149,7 +149,8 @@ def load_object(kind: str, reference: str, *, folder: Path | None = None) -> Any
         kind: What the object stands for, as the user knows it.
         reference: ``module:object``; the object may be dotted, and a file stand for its module,
             ``rigs/mine.py:object``.
-        folder: Folder of the module; searched before the Python path, for this import only.
+        folder: Folder of the module; searched before the Python path for this import, and after it
+            for what the module imports when it is called.
 
     Raises:
         WorkbenchError: If the reference is not of that form, the module cannot be imported or has
@@ -288,6 +289,7 @@ def _import(name: str, folder: Path | None) -> ModuleType:
 
 @contextmanager
 def _searched(folder: Path | None) -> Iterator[None]:
+    """Search a folder before all others, and after all others what its functions import later."""
     if folder is None:
         yield
         return
@@ -297,3 +299,5 @@ def _searched(folder: Path | None) -> Iterator[None]:
         yield
     finally:
         sys.path.remove(path)
+        if path not in sys.path:
+            sys.path.append(path)
