@@ -6,8 +6,11 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import casadi as ca
+import control as ct
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from controllers import design_pid
 from tests.machines import at_rest, machine
@@ -51,6 +54,30 @@ def test_what_a_controller_does_not_command_stays_where_the_plant_rests() -> Non
         Scenario("rest", references, 50.0, settle=0.0, sample_time=1.0).without_imperfections(),
     )
     assert np.ptp(run.outputs, axis=0) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_what_another_tool_wrote_is_the_full_plant() -> None:
+    x, u = ca.SX.sym("x", 2), ca.SX.sym("u")
+    rates = ca.vertcat(x[1], u - 4.0 * ca.sin(x[0]) - 0.4 * x[1])
+    function = ca.Function("pendulum", [x, u], [rates, x[0]])
+    system = ct.nlsys(
+        lambda t, x, u, p: [x[1], u[0] - 4.0 * np.sin(x[0]) - 0.4 * x[1]],
+        lambda t, x, u, p: x[0],
+        inputs=1,
+        outputs=1,
+        states=2,
+    )
+    rest = Scenario("rest", {"y": Steps((0.0,), (0.0,))}, 2.0, settle=0.0, sample_time=0.01)
+    pushed = Scripted((3.0,) * 200, ("y",), ("y",), ("u",), sample_time=0.01)
+    exact = solve_ivp(
+        lambda t, x: [x[1], 3.0 - 4.0 * np.sin(x[0]) - 0.4 * x[1]],
+        (0.0, 1.99),
+        (0.0, 0.0),
+        rtol=1e-9,
+    ).y[0, -1]
+    for plant in (function, system):
+        run = verify(pushed, plant, rest.without_imperfections())
+        assert run.outputs[199, 0] == pytest.approx(exact, rel=1e-4)
 
 
 def test_row_k_holds_what_was_read_and_then_commanded() -> None:

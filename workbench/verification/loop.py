@@ -30,8 +30,11 @@ from workbench.computing.counted import count
 from workbench.errors import NumericalError, WorkbenchError, check_choice, check_finite, check_range
 from workbench.linearisation import LinearModel
 from workbench.linearisation.exact_delays import channels_of
+from workbench.linearisation.state_space import linear_model
 from workbench.model import Effect, Input, Model, Output, Parameter
+from workbench.model.linear_system import LinearEquations
 from workbench.operating_point import operating_point, usual_inputs
+from workbench.plants.registry import model_of
 from workbench.verification.closed_loop_run import Run
 from workbench.verification.sampled_plant import TOLERANCE, FullPlant, LatePlant, LinearPlant
 from workbench.verification.scenario import DEADLINE, Scenario, SignalFault
@@ -39,7 +42,7 @@ from workbench.verification.scenario import DEADLINE, Scenario, SignalFault
 
 def verify(
     controller: Controller,
-    plant: Model | LinearModel,
+    plant: Model | LinearModel | Any,
     scenario: Scenario,
     *,
     seed: int = 0,
@@ -49,9 +52,9 @@ def verify(
     """Run a controller on a plant through a scenario.
 
     Args:
-        plant: The full plant, or a linear model or python-control system of it, discretised
-            exactly. A linear model by the
-            opening meets the same command as the plant. One by the voltage receives
+        plant: The full plant, or what stands for it, such as a nonlinear system of python-control
+            or a function of CasADi; or a linear model or system, discretised exactly. A linear
+            model by the opening meets the same command as the plant. One by the voltage receives
             ``controller.linear_command``, neither clipped nor quantised, so that a compensated
             valve curve does not count twice.
         tolerance: Local error allowed in a step of the plant, relative to its scales.
@@ -63,10 +66,10 @@ def verify(
     """
     check_choice("integration method", method, ("auto", "erk", "rosenbrock"))
     check_controller(controller)
-    if not isinstance(plant, Model):
-        from workbench.linearisation.state_space import linear_model
-
-        plant = linear_model(plant)
+    if not isinstance(plant, (Model, LinearModel)):
+        model = model_of(plant)
+        linear = isinstance(model.equations, LinearEquations)
+        plant = linear_model(plant) if linear else model
     if method == "auto":
         try:
             return verify(controller, plant, scenario, seed=seed, tolerance=tolerance, method="erk")
