@@ -32,7 +32,7 @@ from controllers.protocol import Controller, check_controller
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
 from workbench.model import Model
-from workbench.model.units import convert
+from workbench.model.quantities import told_units
 
 
 @dataclass(frozen=True)
@@ -87,26 +87,14 @@ def export_c(
         )
     found = _guarded_source(guarded, name)
     target = Path(folder)
-    told = units_in_c(units) if isinstance(units, Model) else units or guarded.units
+    told = (
+        told_units((*units.outputs, *units.inputs))
+        if isinstance(units, Model)
+        else units or guarded.units
+    )
     header = write_whole(target / f"{name}.h", _header(controller, name, found, told))
     source = write_whole(target / f"{name}.c", f'#include "{name}.h"\n\n{found.source}')
     return ExportedC(source, header, len(found.states), found.operations)
-
-
-def units_in_c(model: Model) -> dict[str, str]:
-    """Return the units of a plant's signals by name, with what people read them in.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> units_in_c(servo_axis())["position"]
-        'm: 1 mm is 0.001'
-    """
-    told = {}
-    for q in (*model.outputs, *model.inputs):
-        own = "a plain number" if q.unit == "1" else q.unit
-        one = f"{convert(1.0, q.display_unit, q.unit):g}"
-        told[q.name] = own if q.display_unit == q.unit else f"{own}: 1 {q.display_unit} is {one}"
-    return told
 
 
 def _header(controller: Controller, name: str, found: CSource, units: Mapping[str, str]) -> str:

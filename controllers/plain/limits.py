@@ -182,8 +182,9 @@ class LoopSpecification(Checked):
         Raises:
             WorkbenchError: With the names that it has.
         """
+        whole = linear_model(plant)
         for outputs in (self.measured, self.also_measured):
-            followed_by(linear_model(plant), outputs, self.actuator)
+            followed_by(whole, outputs, self.actuator)
 
     def sampled(self, plant: Any) -> Self:
         """Return the specification with the sample time that a plant asks for, if it has none."""

@@ -16,7 +16,7 @@ from workbench.errors import TIMES_S, check_choice, check_range
 from workbench.linearisation.exact_delays import channels_of
 from workbench.linearisation.modes import Mode, find_modes
 from workbench.linearisation.zero_order_hold import zero_order_hold
-from workbench.model.linear_system import in_series, late_by
+from workbench.model.linear_system import UNSEEN, in_series, late_by, reached
 from workbench.model.sizes import poles_of
 from workbench.model.units import from_si, in_time
 from workbench.operating_point import OperatingPoint
@@ -188,7 +188,7 @@ class LinearModel(Drawn):
         is measured, one is left out, and those left count from it.
         """
         size = self.state_scales
-        _, hidden = _reached((self.A * size / size[:, None]).T, (self.C * size).T)
+        _, hidden = reached((self.A * size / size[:, None]).T, (self.C * size).T)
         if not hidden.shape[1]:
             return self
         left = _pivots(hidden)
@@ -208,7 +208,7 @@ class LinearModel(Drawn):
         """
         size = self.state_scales
         A = self.A * size / size[:, None]
-        moved, rest = _reached(A, self.B / size[:, None])
+        moved, rest = reached(A, self.B / size[:, None])
         if not rest.shape[1]:
             return self
         rates = np.linalg.eigvals(rest.T @ A @ rest)
@@ -362,29 +362,6 @@ def _indices(kind: str, wanted: Sequence[str] | None, names: tuple[str, ...]) ->
     for name in wanted:
         check_choice(kind, name, names)
     return [names.index(name) for name in wanted]
-
-
-UNSEEN = 1e-10
-"""What rounding may leave of a direction that a matrix does not lead to, relative to the rest."""
-
-
-def _reached(A: Vector, B: Vector) -> tuple[Vector, Vector]:
-    """Return orthonormal bases of what columns reach through a matrix, and of the rest.
-
-    Source: Saad, Iterative Methods for Sparse Linear Systems, 2003, section 6.3 (Arnoldi).
-    """
-    found = np.zeros((len(A), 0))
-    waiting = list(B.T)
-    while waiting:
-        v = waiting.pop(0)
-        whole = np.linalg.norm(v)
-        for _ in range(2):
-            v = v - found @ (found.T @ v)
-        if np.linalg.norm(v) > UNSEEN * whole:
-            found = np.column_stack([found, v / np.linalg.norm(v)])
-            waiting.append(A @ found[:, -1])
-    n = found.shape[1]
-    return found, np.linalg.qr(found, mode="complete")[0][:, n:]
 
 
 def _combined(rows: Vector, basis: Vector) -> Vector:

@@ -227,14 +227,9 @@ def farthest(linear: LinearModel, name: str, time: float, *, up: bool = True) ->
     moves it as far as one likes.
     """
     moved = _moves(linear, name, at_once=True)
-    inputs = {q.name: q for q in linear.operating_point.model.inputs}
-    rests = zip(linear.input_names, linear.u0.tolist(), strict=True)
-    commands = [(inputs.get(n), u) for n, u in rests if n not in inputs or inputs[n].commanded]
-    # By an inverted curve the command is a fraction, which no input of the plant is.
+    rests = _commands_at_rest(linear).values()
     above, below = (
-        np.array(
-            [1.0 if q is None else abs(getattr(q, end) - u) / _room(q, u) for q, u in commands]
-        )
+        np.array([1.0 if q is None else abs(getattr(q, end) - u) / _room(q, u) for q, u in rests])
         for end in ("upper", "lower")
     )
 
@@ -258,16 +253,23 @@ def _moves(linear: LinearModel, name: str, *, at_once: bool = False) -> Callable
     Args:
         at_once: Whether what it does at once counts, which takes no time.
     """
-    inputs = {q.name: q for q in linear.operating_point.model.inputs}
-    commands = [n for n in linear.input_names if n not in inputs or inputs[n].commanded]
-    own = linear.select(inputs=commands, outputs=[name]).without_unseen().without_unreached()
-    # By an inverted curve the command is a fraction, which no input of the plant is.
-    rests = zip(commands, own.u0.tolist(), strict=True)
-    rooms = [_room(inputs[n], u) if n in inputs else 1.0 for n, u in rests]
+    rests = _commands_at_rest(linear)
+    own = linear.select(inputs=[*rests], outputs=[name]).without_unseen().without_unreached()
+    rooms = np.array([1.0 if q is None else _room(q, u) for q, u in rests.values()])
     size = own.state_scales
-    a, b = own.A * size / size[:, None], own.B * np.array(rooms) / size[:, None]
-    begins = at_once * own.D[0] * np.array(rooms)
+    a, b = own.A * size / size[:, None], own.B * rooms / size[:, None]
+    begins = at_once * own.D[0] * rooms
     return lambda time: begins + (own.C[0] * size) @ zero_order_hold(a, b, time)[1]
+
+
+def _commands_at_rest(linear: LinearModel) -> dict[str, tuple[Input | None, float]]:
+    """Return the inputs that somebody commands, with where they rest, in SI, by name.
+
+    By an inverted curve the command is a fraction, which no input of the plant is.
+    """
+    inputs = {q.name: q for q in linear.operating_point.model.inputs}
+    rests = zip(linear.input_names, linear.u0.tolist(), strict=True)
+    return {n: (inputs.get(n), u) for n, u in rests if n not in inputs or inputs[n].commanded}
 
 
 def has_room(linear: LinearModel, actuators: Sequence[str], steps: Mapping[str, float]) -> bool:

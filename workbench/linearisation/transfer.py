@@ -62,7 +62,7 @@ def zeros_of(A: Any, b: Any, c: Any) -> Complex:
     return np.asarray(found[np.isfinite(found)], dtype=complex)
 
 
-NARROW, _BESIDE = 0.1, 12
+_NARROW, _BESIDE = 0.1, 12
 """Damping below which a resonance may fall between frequencies, and how many are added on each of
 its sides."""
 
@@ -80,9 +80,9 @@ def with_modes(frequency: Vector, roots: npt.ArrayLike) -> Vector:
         (27, True)
     """
     found = np.asarray(roots, dtype=complex)
-    narrow = found[(found.imag > 0.0) & (np.abs(found.real) < NARROW * found.imag)]
+    narrow = found[(found.imag > 0.0) & (np.abs(found.real) < _NARROW * found.imag)]
     beside = [
-        w + side * np.append(0.0, np.geomspace(max(abs(s), 1e-9 * w) / 4.0, NARROW * w, _BESIDE))
+        w + side * np.append(0.0, np.geomspace(max(abs(s), 1e-9 * w) / 4.0, _NARROW * w, _BESIDE))
         for s, w in zip(narrow.real, narrow.imag, strict=True)
         for side in (-1.0, 1.0)
     ]

@@ -415,11 +415,7 @@ def _growing_once(parts: Parts) -> Parts:
     for transposed in (False, True):
         a, entry, shown, none = own
         a, entry, shown = (a.T, shown.T, entry.T) if transposed else (a, entry, shown)
-        steps = [entry]
-        for _ in range(len(a) - 1):
-            steps.append(a @ steps[-1] / max(float(np.linalg.norm(a)), 1e-300))
-        basis, sizes, _ = np.linalg.svd(np.hstack(steps))
-        basis = basis[:, : int(np.count_nonzero(sizes > _SAME_POLE * sizes[0]))]
+        basis, _ = reached(a, entry, unseen=_SAME_POLE)
         a, entry, shown = basis.T @ a @ basis, basis.T @ entry, shown @ basis
         own = (a.T, shown.T, entry.T, none) if transposed else (a, entry, shown, none)
     if len(own[0]) == k:
@@ -435,6 +431,40 @@ _SAME_POLE = 1e-6
 def _parts(system: Any) -> Parts:
     A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
     return A, B, C, D
+
+
+UNSEEN = 1e-10
+"""What rounding may leave of a direction that a matrix does not lead to, relative to the rest."""
+
+
+def reached(A: Matrix, B: Matrix, *, unseen: float = UNSEEN) -> tuple[Matrix, Matrix]:
+    """Return orthonormal bases of what inputs move by way of a state matrix, and of the rest.
+
+    Args:
+        A: Shape (n, n), of states that are comparable in size.
+        B: Shape (n, m).
+        unseen: Share of a direction that may be left where it is one of those before,
+            dimensionless.
+
+    Source: Saad, Iterative Methods for Sparse Linear Systems, 2003, section 6.3 (Arnoldi).
+
+    Example:
+        >>> moved, still = reached(np.diag([-1.0, -2.0, -3.0]), np.array([[1.0], [1.0], [0.0]]))
+        >>> moved.shape, still.ravel()
+        ((3, 2), array([0., 0., 1.]))
+    """
+    found = np.zeros((len(A), 0))
+    waiting = list(B.T)
+    while waiting:
+        v = waiting.pop(0)
+        whole = np.linalg.norm(v)
+        for _ in range(2):
+            v = v - found @ (found.T @ v)
+        if np.linalg.norm(v) > unseen * whole:
+            found = np.column_stack([found, v / np.linalg.norm(v)])
+            waiting.append(A @ found[:, -1])
+    n = found.shape[1]
+    return found, np.linalg.qr(found, mode="complete")[0][:, n:]
 
 
 def before_hold(a: Matrix, b: Matrix, sample_time: float) -> tuple[Matrix, Matrix]:

@@ -12,6 +12,7 @@ from typing import TypeVar
 
 from workbench.errors import WorkbenchError
 from workbench.model.units import (
+    convert,
     in_si,
     in_symbols,
     of_difference,
@@ -271,6 +272,22 @@ def shown_in(quantity: Quantity) -> str:
     if isinstance(quantity, Output):
         return quantity.display_unit
     return shown_unit(quantity.display_unit or quantity.unit)
+
+
+def told_units(quantities: Iterable[Output | Input]) -> dict[str, str]:
+    """Return the units of signals by name, with what people read them in.
+
+    Example:
+        >>> told_units([Output("position", "m", display_unit="mm"), Input("valve", "1")])
+        {'position': 'm: 1 mm is 0.001', 'valve': 'a plain number'}
+    """
+    told = {}
+    for q in quantities:
+        own = "a plain number" if q.unit == "1" else q.unit
+        one = f"{convert(1.0, q.display_unit, q.unit):g}"
+        read = q.display_unit or q.unit
+        told[q.name] = own if read == q.unit else f"{own}: 1 {read} is {one}"
+    return told
 
 
 def declared_unit(

@@ -182,14 +182,13 @@ def operating_point(
     """
     model = model_of(model)
     asked = _checked(model, given)
-    if len(_with_disturbances(model, asked)) < len(_undisturbed(model, asked)) and (
-        passed := _passed_through(model, asked, bounds, near)
-    ):
+    crowded = len(_with_disturbances(model, asked)) < len(_undisturbed(model, asked))
+    if crowded and (passed := _passed_through(model, asked, bounds, near)):
         return passed
     try:
         return _resting(model, given, bounds, near)
     except _NoPointError:
-        if passed := _passed_through(model, asked, bounds, near):
+        if not crowded and (passed := _passed_through(model, asked, bounds, near)):
             return passed
         raise
 

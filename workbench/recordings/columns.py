@@ -55,19 +55,21 @@ def without_marks(columns: Columns) -> Columns:
 
     Loggers write them where they have none.
     """
-    values, notes = columns.values, list(columns.notes)
-    for k, header in enumerate(columns.headers):
-        own = values[:, k]
-        for mark in _MARKS:
+    seen = np.isin(columns.values, _MARKS)
+    if not seen.any():
+        return columns
+    values, notes = columns.values.copy(), list(columns.notes)
+    for own, suspects, header in zip(values.T, seen.T, columns.headers, strict=True):
+        for mark in np.unique(own[suspects]):
             marked = own == mark
             others = own[np.isfinite(own) & ~marked]
-            if not 0 < np.count_nonzero(marked) <= _MOST_MARKED * len(own) or others.size < 3:
+            if np.count_nonzero(marked) > _MOST_MARKED * len(own) or others.size < 3:
                 continue
             if np.abs(mark - others).min() > _APART * np.ptp(others) > 0.0:
-                own = np.where(marked, np.nan, own)
-                values = np.column_stack([values[:, :k], own, values[:, k + 1 :]])
-                count = np.count_nonzero(marked)
-                notes.append(f"{count} number(s) {mark:g} of {header!r} stand for none")
+                own[marked] = np.nan
+                notes.append(
+                    f"{np.count_nonzero(marked)} number(s) {mark:g} of {header!r} stand for none"
+                )
     return replace(columns, values=values, notes=tuple(notes))
 
 

@@ -15,7 +15,6 @@ from contextlib import suppress
 
 import numpy as np
 
-from controllers.c_export import units_in_c
 from controllers.estimator import MOST_SENSORS, Estimator, design_estimator
 from controllers.guard import CommandLimits, Guard, Guarded, ReferenceLimits, SensorLimits
 from controllers.protocol import Controller
@@ -28,7 +27,7 @@ from workbench.linearisation.actuator_inverse import (
     straightened_point,
 )
 from workbench.model import ActuatorCurve, Model, Output
-from workbench.model.quantities import of_names
+from workbench.model.quantities import of_names, told_units
 from workbench.operating_point import OperatingPoint, operating_point
 from workbench.simulation import simulate
 
@@ -131,7 +130,7 @@ def guarded(
         patience=max(100.0 * response, LEAST_PATIENCE),
         swings=SWINGS,
     )
-    return Guarded(controller, guard, units_in_c(model))
+    return Guarded(controller, guard, told_units((*model.outputs, *model.inputs)))
 
 
 def _to_rest(

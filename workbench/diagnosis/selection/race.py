@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -306,21 +307,23 @@ def _at_times_of(best: Candidate, candidate: Candidate) -> Candidate:
         for f, c in ((fit, candidate), (other, best))
     )
     ended = other.refit.values
-    at = ended | {mine: ended[its] for mine, its in zip(own, now, strict=True)}
-    estimates = tuple(replace(e, value=at.get(e.name, e.value)) for e in fit.refit.estimates)
+    at = {mine: ended[its] for mine, its in zip(own, now, strict=True)}
     effect = at_times_of(candidate.entry.effect, best.entry.effect)
-    return replace(
-        candidate,
-        entry=replace(candidate.entry, effect=effect),
-        fit=replace(fit, refit=replace(fit.refit, estimates=estimates)),
-    )
+    there = replace(candidate, entry=replace(candidate.entry, effect=effect))
+    return _from_where(best, there, at)
 
 
-def _from_where(best: Candidate, candidate: Candidate) -> Candidate:
-    """Return a candidate that goes on with what it shares with the best one as that has it."""
+def _from_where(
+    best: Candidate, candidate: Candidate, own: Mapping[str, float] = MappingProxyType({})
+) -> Candidate:
+    """Return a candidate that goes on with what it shares with the best one as that has it.
+
+    Args:
+        own: Where other parameters go on from, by name, in SI.
+    """
     assert candidate.fit is not None
     assert best.fit is not None
-    fit, ended = candidate.fit, best.fit.refit.values
+    fit, ended = candidate.fit, {**best.fit.refit.values, **own}
     estimates = tuple(replace(e, value=ended.get(e.name, e.value)) for e in fit.refit.estimates)
     return replace(candidate, fit=replace(fit, refit=replace(fit.refit, estimates=estimates)))
 

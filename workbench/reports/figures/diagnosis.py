@@ -251,9 +251,8 @@ def draw_error(
     """
     told = noise.get(before.used[i], 0.0)
     off = np.abs(before.error[:, i])
-    level = max(told, 1e-9 * float(np.nanmax(off, initial=0.0))) or 1.0
-    if not told and np.any(off > 0.0):
-        level = float(np.nanmedian(off[off > 0.0]))
+    typical = float(np.nanmedian(off[off > 0.0])) if np.any(off > 0.0) else 1.0
+    level = max(told, 1e-9 * float(np.nanmax(off, initial=0.0))) if told else typical
     smallest, largest = level, 3 * level
     for run, colour in ((before, BEFORE), (after, AFTER)):
         if run is not None and run.finite:
