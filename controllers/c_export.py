@@ -55,6 +55,13 @@ class ExportedC:
         )
 
 
+_WORD_OF_C = re.compile(
+    "auto|break|case|char|const|continue|default|do|double|else|enum|extern|float|for|"
+    "goto|if|inline|int|long|main|register|restrict|return|short|signed|sizeof|static|"
+    "struct|switch|typedef|union|unsigned|void|volatile|while"
+)
+
+
 def export_c(
     controller: Controller,
     folder: str | Path,
@@ -72,10 +79,10 @@ def export_c(
         units: The plant, or units of sensors, controlled outputs and commands by name, for the
             header; by default those that the guard was given.
     """
-    if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or _WORD_OF_C.fullmatch(name):
         raise WorkbenchError(
             f"name of the exported controller is {name!r}; give small letters, digits and"
-            " underscores, beginning with a letter, such as 'pid'"
+            " underscores, beginning with a letter, such as 'pid', and no word of C"
         )
     check_controller(controller)
     guarded = controller if isinstance(controller, Guarded) else Guarded(controller)

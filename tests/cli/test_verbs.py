@@ -196,6 +196,19 @@ def test_a_redesign_is_run_until_its_loops_have_settled(
     assert np.diff(signal["times"]).tolist() == [1.0, 4.0]
 
 
+def test_verify_writes_controllers_as_c(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shell: Shell
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shell("new-controller my_law.py")
+    said = shell("verify --plant servo-axis -c plain-pid -c my_law:design --c rig")
+    assert "plain_pid.c and plain_pid.h: " in said.err
+    # What one cannot do costs the other nothing.
+    assert "cannot be written as C" in said.err
+    header = (tmp_path / "rig" / "plain_pid.h").read_text(encoding="utf-8")
+    assert "plain_pid_missed" in header and "m: 1 mm is 0.001" in header
+
+
 def test_verify_says_when_a_requirement_is_missed(shell: Shell) -> None:
     # A controller designed for 1 kg moves eight times that inertia: it cannot stay within 10 %.
     arguments = "verify -c pid --load 8kg --design-load 1kg"

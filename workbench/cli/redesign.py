@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -44,9 +43,8 @@ def redesign(
         at (NAME=VALUE): Value of an output, state or input at rest, where the step starts; may be
             given several times. By default the plant's own. The arm has its own steps.
     """
-    from controllers.c_export import export_c
     from workbench.cli.plant import chosen_plant
-    from workbench.cli.running import counting, tell_runs, write_study
+    from workbench.cli.running import counting, tell_runs, write_in_c, write_study
     from workbench.study.result import run_study
     from workbench.study.summary import plain_summary
 
@@ -59,11 +57,12 @@ def redesign(
         study = _nominal_and_redesigned(found, Path(verdict), family or (), at or ())
     with counting() as counter:
         result = run_study(study, out, progress=counter)
-    for title, recipe in study.controllers.items():
-        design, which = title.rsplit(", ", 1)
-        if which == "redesigned":
-            name = re.sub(r"\W+", "_", design.lower())
-            export_c(recipe.build(), out, name=name, units=found.model)
+    redesigned = {
+        title.removesuffix(", redesigned"): recipe
+        for title, recipe in study.controllers.items()
+        if title.endswith(", redesigned")
+    }
+    write_in_c(redesigned, out, found.model)
     tell_runs(result, found.model.name)
     if result.judgements or result.failed:
         typer.echo(plain_summary(result))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 import shlex
 import signal
 import sys
@@ -20,6 +21,8 @@ import typer
 from workbench.errors import WorkbenchError
 
 if TYPE_CHECKING:
+    from workbench.model import Model
+    from workbench.study.designs import ControllerRecipe
     from workbench.study.result import StudyResult
 
 _WORDS: ContextVar[tuple[str, ...]] = ContextVar("_WORDS", default=())
@@ -226,3 +229,22 @@ def counting() -> Iterator[Callable[[str, int, int, str], None]]:
     finally:
         if bar is not None:
             bar.close()
+
+
+def write_in_c(recipes: Mapping[str, ControllerRecipe], folder: Path, model: Model) -> None:
+    """Write controllers inside their guards as C, and say of each which files, or why none.
+
+    Args:
+        recipes: How they are designed, by their names in a study.
+        folder: Where the files go.
+        model: The plant, whose units the headers tell.
+    """
+    from controllers.c_export import export_c
+
+    for title, recipe in recipes.items():
+        name = re.sub("[^a-z0-9]+", "_", title.lower()).strip("_")
+        try:
+            typer.echo(export_c(recipe.build(), folder, name=name, units=model), err=True)
+        except WorkbenchError as error:
+            # What one cannot do costs no other its files.
+            note(str(error))

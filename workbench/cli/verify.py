@@ -13,7 +13,7 @@ import typer
 
 from workbench.cli.options import AsJson
 from workbench.cli.plant import Chosen, value_at_rest, with_plant
-from workbench.cli.running import counting, note, tell, tell_runs, write_study
+from workbench.cli.running import counting, note, tell, tell_runs, write_in_c, write_study
 from workbench.errors import WorkbenchError, check_choice, check_range
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ def verify(
     require: list[str] | None = None,
     seed: int = 0,
     out: Path | None = None,
+    in_c: Path | None = None,
     as_json: AsJson = False,
 ) -> int:
     """Run controllers on the full plant through a step and back, and score what they do.
@@ -70,6 +71,7 @@ def verify(
             several times. By default what the plant declares.
         seed: Seed of the sensors' noise.
         out (DIR): Folder for results.json, summary.md, junit.xml and report.html.
+        in_c (--c DIR): Folder for each controller inside its guard, as C99 without dependencies.
     """
     from workbench.model.units import in_time, quantity
     from workbench.study.result import run_study
@@ -105,6 +107,8 @@ def verify(
     tell_runs(result, chosen.model.name, as_json=as_json)
     if result.judgements or result.failed:
         typer.echo(plain_summary(result), err=as_json)
+    if in_c is not None:
+        write_in_c(study.controllers, in_c, chosen.model)
     if out is not None:
         write_study(result, out, as_json=as_json)
     tell(result.table(), as_json=as_json)
