@@ -111,6 +111,8 @@ def of_whole_samples(
     # More samples of it than steps reckon with make no loop any faster.
     most = max(MOST_LATE // max(commands, 1), FEWEST)
     part = behind / min(max(math.ceil(behind / usual - 1e-9), 1), most)
+    # A sum of delays ends in what its last digits make of it.
+    part = float(f"{part:.12g}")
     return part if part >= FINER * usual and (part > usual or delay is not None) else usual
 
 

@@ -89,8 +89,8 @@ def verify(
         raise WorkbenchError(
             f"controller {controller.name!r} follows {', '.join(controller.controlled)}, and"
             f" scenario {scenario.name!r} has references of {', '.join(scenario.references)}; give"
-            f" one of {left}, such as Steps((0.0,), (0.0,)) where it stays at 0, or follow fewer"
-            " outputs (measured)"
+            f" one of {left}, such as Steps((0.0,), (VALUE,)) with its value at rest, or follow"
+            " fewer outputs (measured)"
         )
     for actuator in controller.actuators:
         check_choice("actuator", actuator, [q.name for q in known.inputs])
