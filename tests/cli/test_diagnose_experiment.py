@@ -107,6 +107,7 @@ def test_a_machine_that_cannot_be_played_on_is_one_sentence(
     assert said in refused(*given, "--experiment", machine)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
 def test_a_law_without_a_name_becomes_a_law_of_the_user(
     here: Path, monkeypatch: pytest.MonkeyPatch, shell: Shell

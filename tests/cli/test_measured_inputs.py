@@ -69,6 +69,7 @@ def test_no_experiment_asks_for_a_feed(folder: Path) -> None:
     assert any(np.ptp(e.inputs[:, 1]) > 0.0 for e in offered)
 
 
+@pytest.mark.long
 def test_a_loop_is_designed_where_what_it_leaves_rests(folder: Path, shell: Shell) -> None:
     words = "verify --plant boilers:boiler --from 60degC --to 61degC --json"
     told = shell(words)
@@ -119,6 +120,7 @@ def test_commands_that_are_late_are_reckoned_with(
     assert "less than 1% of a sample, 2 s" in refused(*step, "--delay 5ms")
 
 
+@pytest.mark.long
 def test_a_delay_of_hours_is_of_as_many_samples_as_steps_reckon_with(shell: Shell) -> None:
     plant = ["verify", "--plant", "1/((5086*s+1)*(3600*s+1))", "--limit", "1"]
     said = shell(*plant, "-c", "lqi", "--delay", "2h", "--json")
@@ -127,6 +129,7 @@ def test_a_delay_of_hours_is_of_as_many_samples_as_steps_reckon_with(shell: Shel
     assert found["metrics"]["overshoot"]["value"] < 0.05
 
 
+@pytest.mark.long
 def test_one_of_several_designs_that_does_not_suit_the_plant_is_a_run_that_failed(
     folder: Path, shell: Shell, refused: Refused
 ) -> None:
@@ -162,6 +165,7 @@ def test_a_plant_that_does_not_rest_is_run_from_where_it_begins(
     assert seen[[0, 500], -1] == pytest.approx([46.85, 51.85], abs=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
 def test_a_study_is_begun_with_a_plant_of_ones_own(folder: Path, shell: Shell) -> None:
     shell("new-study mine.toml --plant boilers:boiler")

@@ -145,6 +145,7 @@ def others(here: Path) -> Path:
     return here
 
 
+@pytest.mark.long
 def test_plain_designs_fit_a_plant_of_half_an_hour(
     others: Path, shell: Shell, refused: Refused
 ) -> None:
@@ -182,6 +183,7 @@ def test_a_plant_that_no_pid_makes_stable_is_said(
     shell("verify --plant others:boxes", step, "-c lqi")
 
 
+@pytest.mark.long
 def test_a_ball_below_a_magnet_is_held_by_every_family(others: Path, shell: Shell) -> None:
     words = "--plant others:ball --from gap=10mm --to gap=10.5mm"
     limits = "--require settling_time=0.2s --require overshoot=10%"
@@ -214,6 +216,7 @@ def test_the_last_word_of_an_option_is_a_unit_only_where_it_is_one() -> None:
     assert {q.name: q.unit for q in options} == units
 
 
+@pytest.mark.long
 def test_coefficients_of_a_linear_system_are_refitted_and_kept(here: Path, shell: Shell) -> None:
     names = "inputs=['u'], outputs=['y']"
     (here / "lines.py").write_text(
@@ -306,6 +309,7 @@ def design(linear, specification):
 SEEN_FIRST = ("settling time", "overshoot", "steady error")
 
 
+@pytest.mark.long
 def test_two_outputs_step_together_by_two_inputs(here: Path, shell: Shell) -> None:
     (here / "tanks.py").write_text(TWO_COMMANDS, encoding="utf-8")
     (here / "laws.py").write_text(BOTH, encoding="utf-8")
@@ -347,6 +351,7 @@ def cabin():
 """
 
 
+@pytest.mark.long
 def test_a_step_is_of_what_no_command_moves_at_once(
     here: Path, shell: Shell, refused: Refused
 ) -> None:
@@ -535,6 +540,7 @@ def test_two_integrators_do_not_grow(balls: None, shell: Shell) -> None:
     assert 0.1 < last < 5.0 and found["metrics"]["settling_time"]["value"] < 40.0
 
 
+@pytest.mark.long
 def test_a_step_of_what_is_unstable_stays_where_its_linear_model_holds(
     balls: None, shell: Shell
 ) -> None:
@@ -593,6 +599,7 @@ def wheel():
 """
 
 
+@pytest.mark.long
 def test_names_in_greek_make_a_study_that_runs(here: Path, shell: Shell) -> None:
     (here / "wheels.py").write_text(WHEEL, encoding="utf-8")
     shell("new-study --plant wheels:wheel wheel.toml")

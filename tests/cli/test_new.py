@@ -60,6 +60,7 @@ def oven():
 """
 
 
+@pytest.mark.long
 def test_a_delay_that_was_found_is_one_of_commands(here: Path, shell: Shell) -> None:
     (here / "ovens.py").write_text(OVEN)
     found: dict[str, object] = {"name": "ovens:oven", "effects": ["sensor_delay_T"]}
@@ -129,6 +130,7 @@ def test_each_table_of_a_shipped_study_is_on_the_page() -> None:
         assert set(tomllib.loads(path.read_text())) <= set(TABLES["study"].fields)
 
 
+@pytest.mark.long
 def test_a_study_asks_a_noisy_sensor_for_no_more_than_it_shows(here: Path, shell: Shell) -> None:
     plant = (
         "from workbench.model import Input, Model, Output, State\n"
@@ -145,6 +147,7 @@ def test_a_study_asks_a_noisy_sensor_for_no_more_than_it_shows(here: Path, shell
         assert f'metric = "{asked}"' in Path(f"{module}.toml").read_text()
 
 
+@pytest.mark.long
 def test_a_study_takes_a_design_that_meets_it(
     here: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -165,6 +168,7 @@ def test_a_study_takes_a_design_that_meets_it(
     assert "no design of the workbench brings position there" in said
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.system
 def test_a_study_steps_every_output_that_is_controlled(here: Path, shell: Shell) -> None:

@@ -50,6 +50,7 @@ def executed(out: Path) -> tuple[str, int]:
     return "".join(out.get("text", "") for out in shown), pictures
 
 
+@pytest.mark.long
 @pytest.mark.system
 def test_a_starter_of_the_arm_runs_as_it_stands(tmp_path: Path) -> None:
     out = tmp_path / "arm.ipynb"
@@ -69,6 +70,7 @@ def in_this_process(code: str) -> dict[str, object]:
     return names
 
 
+@pytest.mark.long
 def test_a_starter_of_another_plant_runs_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -81,6 +83,7 @@ def test_a_starter_of_another_plant_runs_too(
     assert len(found["runs"]) >= 2  # type: ignore[arg-type]
 
 
+@pytest.mark.long
 def test_a_starter_of_a_plant_of_ones_own(here: Path) -> None:
     Path("starter_tank.py").write_text(OWN)
     code = written(Path("tank.ipynb"), "--plant", "starter_tank:tank", "--level", "0.5")
@@ -94,11 +97,13 @@ def test_a_plant_that_no_design_fits_gets_a_starter_without(here: Path) -> None:
     assert "wb.verify" not in written(Path("tank.ipynb"), "--plant", "still_tank:tank")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("plant", ["cylinder", "pendulum", "two-valve-arm"])
 def test_a_starter_tries_what_verify_tries(tmp_path: Path, plant: str) -> None:
     assert "wb.verify" in written(tmp_path / "starter.ipynb", "--plant", plant)
 
 
+@pytest.mark.long
 def test_a_starter_steps_and_samples_as_verify_does(here: Path) -> None:
     # Its step was sampled five times as slowly as its laws are, so that the notebook ended there.
     code = written(Path("drone.ipynb"), "--plant", "tests.cli.test_slow_plant:drone")

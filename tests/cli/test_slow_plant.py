@@ -98,6 +98,7 @@ def test_a_recording_may_be_short_beside_the_plant(
     assert "name it with --plant" in refused("recording a.csv --capacity 5")
 
 
+@pytest.mark.long
 def test_a_loop_that_is_slower_than_the_plants_poles_is_run_until_it_settles(
     here: Path, shell: Shell
 ) -> None:

@@ -126,6 +126,7 @@ def test_what_no_design_commands_rests(shell: Shell) -> None:
     assert title.startswith("servo pendulum, step") and any(r.startswith("plain-pid") for r in rows)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
 def test_redesign_of_a_machine_that_is_no_arm(tmp_path: Path, shell: Shell) -> None:
     # Refitted, its force at rest is not zero.
@@ -155,6 +156,7 @@ def test_redesign_of_a_machine_that_is_no_arm(tmp_path: Path, shell: Shell) -> N
     assert told.err.count("designs: 0 of") == 2 and "writing the report" in told.err
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("effect", ["sensor_delay_position", "delay_force"])
 def test_a_delay_that_was_found_is_one_in_a_redesign(

@@ -57,6 +57,7 @@ def found(runs: list[Recording]) -> Finding:
     return finding
 
 
+@pytest.mark.long
 def test_a_load_that_was_changed_between_recordings_is_named() -> None:
     masses = 0.9, 1.5, 1.2
     runs = [run(i, lambda t, x, v: -30.0 * x - 0.6 * v, m) for i, m in enumerate(masses)]
@@ -65,6 +66,7 @@ def test_a_load_that_was_changed_between_recordings_is_named() -> None:
     assert "in run 0" in finding.sentence and "in run 2" in finding.sentence
 
 
+@pytest.mark.long
 def test_a_damper_that_goes_on_ageing_is_no_jump() -> None:
     def force(number: int) -> Force:
         # 0.6 N s/m, more by 2 % of that each second, over all three recordings.
@@ -94,6 +96,7 @@ def test_what_ages_begins_at_what_the_first_recording_shows_as_reached() -> None
     assert changed_values(bounded, (fade,), (begun,))["damping"] == 0.9
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("offset", [0.12, 0.3])
 def test_an_offset_that_differs_is_found_however_much_is_left_out(offset: float) -> None:
     # The more there is, the less the equations are trusted when effects are scored.

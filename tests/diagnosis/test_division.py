@@ -37,6 +37,7 @@ def test_the_last_of_several_is_held_out_and_of_one_its_last_part() -> None:
         with_some_held_out(AXIS, [], [a])
 
 
+@pytest.mark.long
 def test_a_system_of_python_control_is_diagnosed_on_one_recording() -> None:
     time, rng = 0.02 * np.arange(1500), np.random.default_rng(1)
     drive = np.repeat(rng.uniform(-1.0, 1.0, 30), 50)

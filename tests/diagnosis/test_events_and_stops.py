@@ -54,6 +54,7 @@ def _pushed(
     return diagnosed(oscillator(), runs, laws, fit=fit)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("jumps", "said"),
     [
@@ -70,6 +71,7 @@ def test_an_event_comes_at_its_own_time_in_each_recording(
     assert said in named(found, "offset_jump_mass_force", noise=1.5, **sizes).sentence
 
 
+@pytest.mark.long
 def test_what_acts_for_a_while_is_told_with_its_ends() -> None:
     laws = "offset_pulse offset_jump sensor_jump offset"
     found = _pushed(laws, (5.0, 8.2, 2.0), lasting=(1.6, 2.4, 0.7))
@@ -78,6 +80,7 @@ def test_what_acts_for_a_while_is_told_with_its_ends() -> None:
     assert said in named(found, "offset_pulse_mass_force", noise=1.5, **sizes).sentence
 
 
+@pytest.mark.long
 def test_an_event_of_one_of_several_recordings_is_found_beside_what_all_could_show() -> None:
     # With one time for both it gains a thousandth of what a late sensor or a soft drive does. What
     # is added to the drive pushes the mass: both are one.
@@ -88,6 +91,7 @@ def test_an_event_of_one_of_several_recordings_is_found_beside_what_all_could_sh
     assert said in named(found, "offset_jump_*", noise=1.5, **sizes).sentence
 
 
+@pytest.mark.long
 def test_what_acts_for_a_while_may_be_over_much_sooner_or_not_come() -> None:
     laws = "offset_pulse offset_jump sensor_pulse"
     found = _pushed(laws, (99.0, 5.0, 6.0, 99.0), lasting=(1.0, 2.0, 1.0, 1.0), fit=2)
@@ -96,6 +100,7 @@ def test_what_acts_for_a_while_may_be_over_much_sooner_or_not_come() -> None:
     assert said in named(found, "offset_pulse_mass_force", noise=1.5, **sizes).sentence
 
 
+@pytest.mark.long
 def test_a_brake_that_drags_for_a_while_is_told_with_its_level_and_its_ends() -> None:
     def dragged(seed: int, begin: float, end: float) -> Recording:
         drive = levels(SAMPLES, seed, 30.0, 20, 80)
@@ -121,6 +126,7 @@ def test_a_brake_that_drags_for_a_while_is_told_with_its_level_and_its_ends() ->
     assert "friction_jump" not in {h.law for h in library(rubbing)}
 
 
+@pytest.mark.long
 def test_a_hole_that_a_tank_gets_is_told_with_its_time() -> None:
     def leaking(seed: int, time: float) -> Recording:
         pumped = 0.5 + levels(400, seed, 0.4, 10, 40)
@@ -188,6 +194,7 @@ def _burnt_out(seed: int, time: float) -> Recording:
     return recording(f"run {seed}", dt, {"part [1]": part}, {"load [K]": read})
 
 
+@pytest.mark.long
 def test_a_door_that_spoils_every_parameter_at_first_is_found_by_when_it_stood_open() -> None:
     def opened(seed: int, begin: float) -> Recording:
         part = 0.4 + levels(1200, seed, 0.4, 30, 120)
@@ -238,6 +245,7 @@ def _opened(seed: int, begin: float) -> Recording:
     return recording(f"run {seed}", 5.0, {"power [W]": given, "room [K]": room}, read)
 
 
+@pytest.mark.long
 def test_what_may_have_come_instead_of_an_event_is_tried_at_its_times() -> None:
     # A heater that fails for as long shows the times; the door is refitted at wrong ones at first.
     oven = machine(
@@ -260,6 +268,7 @@ def test_what_may_have_come_instead_of_an_event_is_tried_at_its_times() -> None:
     named(found, "offset_pulse_T_rate", noise=1.3, **sizes)
 
 
+@pytest.mark.long
 def test_an_event_at_other_times_in_two_fitted_recordings_is_sharp() -> None:
     runs = [_burnt_out(seed, time) for seed, time in enumerate((6000.0, 4000.0, 8000.0), 1)]
     found = diagnosed(kiln(), runs, "gain_jump gain gain_fade", fit=2)
@@ -315,6 +324,7 @@ def _blown(seed: int, threshold: float) -> Recording:
     return recording(f"block {seed}", dt, commands, {"block [K]": block})
 
 
+@pytest.mark.long
 def test_a_threshold_that_a_parameter_takes_over_at_first_is_found() -> None:
     # Of a fan that never turns back a small threshold is a smaller loss in still air.
     runs = [_blown(seed, 120.0) for seed in (1, 2)]
@@ -366,6 +376,7 @@ def test_terms_that_balance_tell_how_large_a_law_may_be() -> None:
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("form", ["sine", "square", "pulse"])
 def test_what_repeats_is_named_with_its_phase_in_each_recording(form: str) -> None:
     runs = []
@@ -407,6 +418,7 @@ def _lived_in(seed: int) -> Recording:
     return recording(f"run {seed}", 300.0, {"heat [W]": heat}, {"room [K]": warm})
 
 
+@pytest.mark.long
 def test_what_is_there_for_a_part_of_each_day_is_told_with_its_hours() -> None:
     def equations(m: Scope) -> dict[str, Any]:
         given = m.p.inner * (m.x.room - m.x.wall)
@@ -454,6 +466,7 @@ def _rolled_off(number: int) -> Recording:
     return recording(f"web {number}", 0.02, speeds, {"tension [N]": read})
 
 
+@pytest.mark.long
 def test_what_repeats_with_each_turn_is_named_wherever_a_recording_begins() -> None:
     web = machine(
         _web, "tension N", "unwind m/s, draw m/s", "tension N 0.15", "stiffness N 800 200 2e3"
@@ -497,6 +510,7 @@ def test_what_is_left_beside_one_episode_is_told_with_its_time() -> None:
     assert rest.sentence("What is left").startswith("What is left acts from ")
 
 
+@pytest.mark.long
 def test_a_spring_that_is_held_in_tension_is_told_by_force_and_place() -> None:
     runs = oscillations(lambda x, v: spring(x, v) - 4.0 * math.tanh((x - 0.1) / 0.01))
     laws = "preload linear_spring cubic_stiffness polynomial_stiffness local_catch ripple end_stop"

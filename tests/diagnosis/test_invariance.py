@@ -106,6 +106,7 @@ def _recorded(
 LAWS = "coulomb_friction joint_hysteresis lugre_friction quadratic_drag"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sizes", [(1e6, 1e2, 1e2), (1e-15, 1e-6, 1e-3)])
 def test_a_slide_that_sticks_is_told_by_its_friction_however_large_or_slow(
     moved: list[tuple[Vector, Vector]], sizes: tuple[float, float, float]

@@ -115,6 +115,7 @@ def test_a_plant_without_states_is_diagnosed() -> None:
     assert finding.occurrence is not None
 
 
+@pytest.mark.long
 def test_a_hysteresis_is_found_whose_size_nobody_declared() -> None:
     laws = "bouc_wen_hysteresis cubic_stiffness coulomb_friction"
     found = diagnosed(hysteretic(), loops(), laws, fit=2)
@@ -159,6 +160,7 @@ def test_a_plant_that_is_unstable_without_its_controller_is_refitted_and_judged(
     assert "started anew" in report.notes[-1]
 
 
+@pytest.mark.long
 def test_drag_on_a_plant_that_is_unstable_is_named() -> None:
     runs = [levitation(seed, drag=0.25) for seed in (1, 2)]
     found = diagnosed(maglev(), runs, "viscous_friction coulomb_friction local_catch ripple")
@@ -174,6 +176,7 @@ def test_drag_on_a_plant_that_is_unstable_is_named() -> None:
         assert run.rmse == approx(wanted.rmse)
 
 
+@pytest.mark.long
 def test_what_rubs_on_a_trolley_acts_on_the_load_too() -> None:
     # The force on the trolley moves trolley and rope at once; no equation is friction's own.
     place = Survey(crane()).place("force.command")
@@ -263,6 +266,7 @@ def test_the_backlash_of_a_coupling_is_found_between_two_bodies(gear: float) -> 
     assert finding.where == ("motor_speed_load_speed.exchange",)
 
 
+@pytest.mark.long
 def test_a_coupling_of_rubber_lets_go() -> None:
     runs = [turned(seed, relaxing=20.0) for seed in (1, 2)]
     found = diagnosed(drivetrain(), runs, "maxwell_element bouc_wen_hysteresis cubic_stiffness")
@@ -272,6 +276,7 @@ def test_a_coupling_of_rubber_lets_go() -> None:
     assert found.selected is not None and not found.selected.aside
 
 
+@pytest.mark.long
 def test_what_changes_at_a_time_is_followed_to_its_instant() -> None:
     runs = [fallen_ill(seed) for seed in (1, 2)]
     found = diagnosed(epidemic(), runs, "parameter_jump parameter_curve clock_shift")
@@ -317,6 +322,7 @@ def test_what_is_left_out_is_correlated_over_the_pace_of_the_machine() -> None:
     assert observe(model, slowly).correlation_time == approx(2 * 5e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("hardening", [0.0, 13.0])
 def test_a_quick_and_small_machine_is_judged_at_its_own_pace_and_size(hardening: float) -> None:
     runs = [ringing(seed, hardening=hardening) for seed in (1, 2)]
@@ -348,6 +354,7 @@ def test_noise_is_told_from_what_an_input_shakes(longest: int) -> None:
     assert model.outputs[0].noise_rms == approx(2e-4, rel=0.15)
 
 
+@pytest.mark.long
 def test_iron_that_saturates_is_a_parameter_that_changes_with_the_current() -> None:
     runs = [levitation(seed, saturated=2.5) for seed in (1, 2)]
     found = diagnosed(maglev(), runs, "parameter_curve ripple local_catch sensor_offset")
@@ -411,6 +418,7 @@ def test_a_friction_of_what_turns_one_way_cannot_be_told_from_a_torque(
     assert {"constant_force", "coulomb_friction"} < set(finding.alike)
 
 
+@pytest.mark.long
 def test_equations_of_a_fast_machine_are_trusted_as_far_as_they_go() -> None:
     """A wrong gain of the sensor would only shrink the noise that the equations are left with."""
     runs = []
@@ -437,6 +445,7 @@ def test_equations_of_a_fast_machine_are_trusted_as_far_as_they_go() -> None:
     assert verdict.kind == "nothing_missing", verdict
 
 
+@pytest.mark.long
 def test_what_a_later_law_makes_needless_leaves_no_successor() -> None:
     # A cart that sticks on its rail: where Coulomb is found first, Stribeck needs it no more.
     case = next(c for c in plan(60, 24_000) if c.seed == 24_011)
@@ -451,6 +460,7 @@ def test_what_a_later_law_makes_needless_leaves_no_successor() -> None:
     assert gone in ([], ["coulomb_friction"])
 
 
+@pytest.mark.long
 def test_a_spring_beside_a_biased_gyro_is_not_exchanged_for_stops_that_meet() -> None:
     def equations(m: Scope) -> Equations:
         pull = (m.p.motor * m.u.volts - m.p.drag * m.x.rate) / 1.5e-3
@@ -483,6 +493,7 @@ def test_a_spring_beside_a_biased_gyro_is_not_exchanged_for_stops_that_meet() ->
     assert found["linear_spring"].parameters["stiffness"].value == approx(0.05 / 1.5e-3, rel=0.01)
 
 
+@pytest.mark.long
 def test_tyres_that_saturate_are_curves_over_their_slip() -> None:
     found = diagnosed(car(), [cornering(1), cornering(2)], "sensor_lag *_over_argument")
     verdict = found.verdict
@@ -543,6 +554,7 @@ def test_one_side_of_a_command_is_weaker_before_an_actuator_that_saturates() -> 
     named(found, "asymmetric_gain_command_command", noise=1.1, difference=size)
 
 
+@pytest.mark.long
 def test_a_control_valve_that_sticks_is_told_with_its_band() -> None:
     def equations(m: Scope) -> dict[str, Any]:
         out = m.p.outflow * ca.sqrt(ca.fmax(m.x.level, 1e-6))
@@ -585,6 +597,7 @@ def test_what_flows_in_a_pipe_is_slowed_as_a_body_is() -> None:
     assert finding.where == ("flow.rate",)
 
 
+@pytest.mark.long
 def test_a_store_that_no_input_fills_may_spring_a_leak() -> None:
     runs = [pumped(1, burst=34.0), pumped(2, burst=51.0)]
     found = diagnosed(pipeline(), runs, "offset_jump offset orifice_outflow sensor_jump")
@@ -625,6 +638,7 @@ def _dive(seed: int, pressed: float) -> Recording:
     return recording(f"dive {seed}", dt, commands, {"depth [m]": depth})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("pressed", [3.0, 30.0])
 def test_buoyancy_that_falls_with_the_depth_is_a_spring_that_pushes_away(pressed: float) -> None:
     boat = machine(
@@ -689,6 +703,7 @@ def _fermented(seed: int) -> Recording:
     return recording(f"brew {seed}", 60.0, {"flow [kg/s]": flow}, read)
 
 
+@pytest.mark.long
 def test_what_is_constant_may_change_over_the_state_that_it_feeds() -> None:
     def equations(m: Scope) -> dict[str, Any]:
         passed = m.p.transfer * (m.x.jacket - m.x.beer)
@@ -734,6 +749,7 @@ def _exchanged(seed: int, film: float, lost: float) -> Recording:
     return recording(f"run {seed}", 5.0, {"flow": flow}, {"hot": x[:, 0], "cold": x[:, 1]})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("film", "lost", "effect", "sizes"),
     [
@@ -782,6 +798,7 @@ def _winding(seed: int) -> Recording:
     return recording(f"run {seed}", 1e-3, {"voltage [V]": volts}, {"current [A]": read})
 
 
+@pytest.mark.long
 def test_what_drops_with_the_direction_of_a_current_is_named_without_a_port() -> None:
     coil = machine(
         lambda m: {"current": (m.u.voltage - m.p.ohms * m.x.current) / m.p.henries},
@@ -811,6 +828,7 @@ def _smoothed(seed: int) -> Recording:
     return recording(f"run {seed}", 5e-6, {"duty": duty}, {"current [A]": current, "volts": volts})
 
 
+@pytest.mark.long
 def test_a_capacitor_with_a_resistance_in_series_is_read_ahead_of_its_voltage() -> None:
     filter_ = machine(
         lambda m: (
@@ -850,6 +868,7 @@ def _joint(seed: int) -> Recording:
     return recording(f"run {seed}", 0.005, {"torque [N m]": torque}, {"angle [rad]": read})
 
 
+@pytest.mark.long
 def test_a_joint_that_gives_is_two_bodies_and_a_spring() -> None:
     joint = machine(
         lambda m: {"angle": m.x.speed, "speed": (m.u.torque - m.p.rub * m.x.speed) / m.p.inertia},
@@ -879,6 +898,7 @@ def _charged(seed: int) -> Recording:
     )
 
 
+@pytest.mark.long
 def test_a_formula_may_be_wrong_as_well_as_what_reads_its_value() -> None:
 
     def equations(m: Scope) -> Equations:
@@ -916,6 +936,7 @@ def _two_tanks(seed: int, end: float, above: bool) -> Recording:
     return recording(f"run {seed}", 2.0, {"pump [m3/s]": pump}, levels_read)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("above", [True, False])
 def test_a_sensor_that_stands_at_its_end_most_of_the_time_is_told(above: bool) -> None:
     def equations(m: Scope) -> dict[str, Any]:
@@ -937,6 +958,7 @@ def test_a_sensor_that_stands_at_its_end_most_of_the_time_is_told(above: bool) -
     assert [c.name for c in found.selected.rounds[0].candidates] == [name]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_command_that_ends_on_one_side_is_named_with_its_end(side: float) -> None:
     heater = machine(
@@ -979,6 +1001,7 @@ def _hauled(seed: int) -> Recording:
     return recording(f"hauled {seed}", 0.1, {"torque [N m]": torque}, read)
 
 
+@pytest.mark.long
 def test_a_radius_that_grows_with_what_is_wound_on_is_named_though_nobody_refits_it() -> None:
     winch = machine(
         lambda m: {
@@ -1008,6 +1031,7 @@ def _cabled(seed: int) -> Recording:
     return recording(f"run {seed}", 0.02, {"tension [N]": tension}, {"bend [m]": read})
 
 
+@pytest.mark.long
 def test_a_cable_rubs_by_what_it_pulls() -> None:
     finger = machine(
         lambda m: {
@@ -1038,6 +1062,7 @@ def _scanned(seed: int) -> Recording:
     return recording(f"run {seed}", 4e-4, {"voltage [V]": volts}, read)
 
 
+@pytest.mark.long
 def test_a_sensor_may_follow_slowly_what_another_one_reads() -> None:
     coil = machine(
         lambda m: (
@@ -1068,6 +1093,7 @@ def _discharged(seed: int) -> Recording:
     return recording(f"cell {seed}", 1.0, {"load [A]": current}, {"terminal [V]": volts})
 
 
+@pytest.mark.long
 def test_electrodes_that_resist_a_small_current_more_are_named() -> None:
     def equations(m: Scope) -> Equations:
         terminal = m.p.empty + m.p.full * m.x.charge - m.p.inner * m.u.load - m.x.slow
@@ -1098,6 +1124,7 @@ def _charged_and_discharged(seed: int) -> Recording:
     return recording(f"cycle {seed}", step, {"load [A]": load}, read)
 
 
+@pytest.mark.long
 def test_what_resists_otherwise_in_the_other_direction_is_a_parameter_over_what_it_passes() -> None:
     cell = machine(
         lambda m: (
@@ -1130,6 +1157,7 @@ def _heated(seed: int) -> Recording:
     return recording(f"heater {seed}", step, given, {"T [K]": read})
 
 
+@pytest.mark.long
 def test_what_is_read_farther_down_a_pipe_is_late_by_what_flows() -> None:
     heater = machine(
         lambda m: (
@@ -1169,6 +1197,7 @@ def _reacted(seed: int) -> Recording:
     return recording(f"reactor {seed}", step, given, {"c [mol/m3]": left, "T [K]": warm})
 
 
+@pytest.mark.long
 def test_the_order_of_a_reaction_that_warms_is_told_where_it_takes_and_warms() -> None:
     def equations(m: Scope) -> Equations:
         rate = m.p.k_0 * ca.exp(-6000.0 / m.x.T) * m.x.c
@@ -1212,6 +1241,7 @@ def _windy(seed: int) -> Recording:
     return recording(f"windy {seed}", dt, given, {"angle [rad]": angle})
 
 
+@pytest.mark.long
 def test_a_wind_turns_a_dish_by_how_it_stands_to_it() -> None:
     dish = machine(
         lambda m: {
@@ -1241,6 +1271,7 @@ def _blown(seed: int, drag: Callable[[float, float], float], given: float) -> Re
     return recording(f"blown {seed}", dt, {"force [N]": force, "wind [m/s]": wind}, read)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("drag", "law", "gain"),
     [
@@ -1286,6 +1317,7 @@ def _played(seed: int) -> Recording:
     return recording(f"run {seed}", 1.25e-4, {"volts [V]": volts}, read)
 
 
+@pytest.mark.long
 def test_what_is_never_negative_may_fall_by_a_sum_too() -> None:
     def equations(m: Scope) -> dict[str, Any]:
         x, v, i = m.x.cone, m.x.speed, m.x.current
@@ -1308,6 +1340,7 @@ def test_what_is_never_negative_may_fall_by_a_sum_too() -> None:
     named(found, "parameter_curve_field_over_cone")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("more", ["sensor_cross_talk coulomb_friction gain", "parameter_curve"])
 @pytest.mark.parametrize("rope", [1.3, 0.8])
 def test_a_rope_that_is_longer_or_shorter_than_its_author_says_is_no_missing_physics(

@@ -71,6 +71,7 @@ def test_a_later_call_reads_what_an_earlier_one_reached(
     )
 
 
+@pytest.mark.long
 def test_a_killed_call_is_continued_from_its_last_round(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -94,6 +95,7 @@ def test_a_killed_call_is_continued_from_its_last_round(
     assert _said(_diagnosed(tmp_path)) == _said(whole)
 
 
+@pytest.mark.long
 def test_other_options_are_used_from_their_stage_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -131,6 +133,7 @@ def test_a_file_that_cannot_be_read_is_done_again(tmp_path: Path) -> None:
     assert _said(_diagnosed(tmp_path)) == _said(first)
 
 
+@pytest.mark.long
 def test_a_term_without_a_name_is_built_again(tmp_path: Path) -> None:
     model, fit_on, hold_out, options = sprung_runs()
     first = diagnose(model, fit_on, hold_out, folder=tmp_path, **options)

@@ -430,6 +430,7 @@ def test_an_error_where_the_author_opened_no_port_is_found_there(
     assert fit["extended"]["u"] < 1.2 * fit["noise_floor"]["u"]
 
 
+@pytest.mark.long
 def test_a_play_of_a_command_without_a_port_is_looked_for_before_laws_are_paired() -> None:
     def worn(seed: int) -> Recording:
         asked, at, given = levels(450, seed, 30.0, 5, 30), 0.0, np.empty(450)
@@ -477,6 +478,7 @@ def _pushed_by_waves(name: str, seed: int, *, in_steps: bool, hardens: float = 0
     return recording(name, step, {"drive [N]": drive}, {"position [m]": read})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("in_steps", [False, True])
 def test_what_inputs_do_between_samples_is_asked_again_beside_what_was_found(
     in_steps: bool, monkeypatch: pytest.MonkeyPatch
@@ -545,6 +547,7 @@ def test_noise_of_a_slow_sensor_is_that_of_what_it_read(tmp_path: Path) -> None:
     assert model.outputs[0].noise_rms == pytest.approx(1e-3, rel=0.2)
 
 
+@pytest.mark.long
 def test_a_plant_in_waves_lacks_nothing_where_they_run_straight(tmp_path: Path) -> None:
     for seed, name in enumerate("ab"):
         made = _pushed_by_waves("made", seed, in_steps=False)

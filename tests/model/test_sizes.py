@@ -103,6 +103,7 @@ def test_points_and_poles_follow_the_units(
     assert found == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("pace", "length", "voltage"), UNITS)
 def test_loops_follow_the_units(pace: float, length: float, voltage: float) -> None:
     def scored(t: float, x: float, v: float) -> list[list[float]]:

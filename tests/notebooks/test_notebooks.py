@@ -18,8 +18,9 @@ from workbench.data_folder import shipped_folder
 
 FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
 PATHS = sorted(FOLDER.glob("*.ipynb"))
-# One is a diagnosis by the whole library; without its data it is run too.
-RUN = [pytest.param(p, marks=pytest.mark.long) if "real_machine" in p.stem else p for p in PATHS]
+# Two are diagnoses by the whole library; without its data one of them is run too.
+LONG = re.compile("real_machine|does_not_match")
+RUN = [pytest.param(p, marks=pytest.mark.long) if LONG.search(p.stem) else p for p in PATHS]
 PICTURES = {"image/png", "image/svg+xml"}
 
 

@@ -96,6 +96,7 @@ def test_a_figure_of_an_installed_package_stands_on_the_page(
     assert Section("mine", "Mine", (Words("servo axis"),)) in page.sections
 
 
+@pytest.mark.long
 def test_the_located_group_stands_first_among_what_can_be_told_apart() -> None:
     table = _table(_page(True), "What these sensors")
     assert table.cells[0][0].text.startswith("axis.force")

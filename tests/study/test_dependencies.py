@@ -90,6 +90,7 @@ def test_a_damaged_result_is_none(tmp_path: Path, damage: str) -> None:
     assert not kept(tmp_path)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_what_is_edited_between_two_studies_of_a_session(tmp_path: Path, jobs: int) -> None:
     place, gains = tmp_path / "study", tmp_path / "tuning" / "gains.txt"

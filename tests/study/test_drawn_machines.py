@@ -80,6 +80,7 @@ def test_no_machine_runs_away_by_itself_that_rests_without_a_difference(here: Pa
     assert not {"delay_i_rate", "drive_lag_i_rate"} & names
 
 
+@pytest.mark.long
 def test_a_plant_that_says_what_it_tolerates_is_taken_at_its_word() -> None:
     ends = {one.name: one for one in differences(PlantRecipe(), ["angle"], 0.002)}
     more = ends["load"].made(PlantRecipe(), 1.0, 0.0)
@@ -93,6 +94,7 @@ def test_machines_are_drawn_again_for_the_same_seed(bath: PlantRecipe) -> None:
     assert [len(one.differs) for one in machines[:4]] == [1, 3, 1, 3]
 
 
+@pytest.mark.long
 def test_designs_run_on_machines_that_differ(bath: PlantRecipe, shell: Shell) -> None:
     words = "controllers --plant my_bath:bath -f lqi --jobs 1 --blind"
     words += " --draws 2 --out"

@@ -81,6 +81,10 @@ def test_a_command_that_moves_nothing_at_the_operating_point_is_refused(design: 
 
 
 PLAIN = [name for name, design in DESIGNS.members().items() if not design.sensors]
+LONG_MPC = pytest.param("plain-mpc", marks=pytest.mark.long)
+MPC_LONG = [LONG_MPC if name == "plain-mpc" else name for name in PLAIN]
+"""Each family, of which an MPC takes longest to design."""
+
 REDUCED = ["plain-pid", "lqi"]
 """Of a model that is reduced before any design, by its transfer function and by its states."""
 
@@ -230,6 +234,7 @@ SAMPLED = (
 )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "plant",
     ["1 / (4 s + 1)", "[12.8/(16.7 s+1), -18.9/(21 s+1); 6.6/(10.9 s+1), -19.4/(14.4 s+1)]"],
@@ -308,7 +313,7 @@ def test_a_slow_plant_whose_sensor_is_lost_in_a_move_is_stopped_and_not_let_go()
     assert abs(speed[-1]) < 0.02
 
 
-@pytest.mark.parametrize("name", PLAIN)
+@pytest.mark.parametrize("name", MPC_LONG)
 def test_a_delay_of_many_samples_is_tolerated(name: str) -> None:
     model = machine(
         lambda m: {"T": (50.0 * m.u.duty - m.x.T) / 60.0},
@@ -444,7 +449,7 @@ SLOWER = {("drum", "lqi"): 2.5, ("drum", "plain-mpc"): 3.0, ("drum", "plain-slid
 @pytest.mark.parametrize(
     ("case", "name"),
     [
-        (case, name)
+        pytest.param(case, name, marks=pytest.mark.long if name == "plain-mpc" else ())
         for case in LIMITS
         for name in PLAIN
         # How fast a plant is changes the size of the numbers only.
@@ -463,6 +468,7 @@ def test_a_design_is_as_fast_as_the_plant_lets_it_be(case: str, name: str) -> No
     assert run.time[away][-1] < (1.0 + SLOWER.get((case, name), 1.5)) * by_hand
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [name for name in PLAIN if "infinity" not in name])
 def test_what_a_design_shall_tolerate_costs_speed(name: str) -> None:
     linear = at_rest(motor(), encoder=0.0)
@@ -571,7 +577,7 @@ def test_a_step_that_the_command_can_just_hold_tips_no_pendulum(name: str, tmp_p
     agrees_on(run, law, tmp_path, 1e-10)
 
 
-@pytest.mark.parametrize("name", ["plain-pid", "lqi", "plain-mpc"])
+@pytest.mark.parametrize("name", ["plain-pid", "lqi", LONG_MPC])
 def test_a_system_of_small_numbers_without_limits_is_as_fast_and_goes_as_far(name: str) -> None:
     seen = []
     for gain, size in ((1.0, 1.0), (1e-6, 1.0), (1e-6, 1e3)):
@@ -780,7 +786,10 @@ def test_a_reference_brakes_where_a_plant_has_no_more_than_its_commands(tmp_path
     assert np.abs(np.diff(moves)).max() <= law.brake[0] * (1.0 + 1e-9)
 
 
-@pytest.mark.parametrize("name", ["lqi", "plain-pid", "plain-mpc", "plain-sliding-mode"])
+@pytest.mark.parametrize(
+    "name",
+    ["lqi", "plain-pid", "plain-sliding-mode", LONG_MPC],
+)
 def test_steps_near_and_far_are_as_fast_as_commands_let_them_be(name: str, tmp_path: Path) -> None:
     # A satellite: all of its command takes 2 sqrt(size) s, 20 s for the farther step.
     linear = linear_model("1 / s^2", limits=1.0)
@@ -838,7 +847,7 @@ BOXES = ct.tf([1.0], [1.0, -1.0, 0.0, 0.0, 0.0], 86400.0)
         ("exp(-2 s) / s", "lqi", 0.05, 20.0),
         ("0.3 exp(-20 s) / (60 s + 1)", "lqi", 0.6, 80.0),
         (BOXES, "lqi", 86400.0, 30 * 86400.0),
-        (BOXES, "plain-mpc", 86400.0, 30 * 86400.0),
+        pytest.param(BOXES, "plain-mpc", 86400.0, 30 * 86400.0, marks=pytest.mark.long),
     ],
 )
 def test_filters_of_what_is_late_are_as_slow_as_its_margins_ask_for(
@@ -850,6 +859,7 @@ def test_filters_of_what_is_late_are_as_slow_as_its_margins_ask_for(
     assert found["settling_time"] < most and found["overshoot"] < 0.025
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["lqi", "plain-mpc"])
 @pytest.mark.parametrize(("text", "delay"), [("exp(-10 s)", 0.0), ("1", 10.0)])
 def test_what_is_on_its_way_is_known(text: str, delay: float, name: str, tmp_path: Path) -> None:

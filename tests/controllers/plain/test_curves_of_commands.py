@@ -63,6 +63,7 @@ def test_in_c_a_curve_is_inverted_alike(name: str, lag: float, tmp_path: Path) -
     agrees(law, tmp_path, measured[:, None].tolist(), asked[:, None].tolist(), 1e-12)
 
 
+@pytest.mark.long
 def test_the_arm_is_led_through_the_curve_of_its_valve() -> None:
     # By the slope at rest, a tenth of that of all of the valve, neither settled.
     model = arm(3)

@@ -160,6 +160,7 @@ def test_what_makes_a_much_better_loop_is_read_too() -> None:
     assert after[0] < 0.5 * after[1]
 
 
+@pytest.mark.long
 def test_a_cascade_that_reads_one_of_several_outputs_is_judged_by_what_it_reads() -> None:
     linear = at_rest(arm(3.0), angle=np.radians(30.0))
     law = designed("plain-pid", linear)
@@ -217,6 +218,7 @@ def test_noise_keeps_no_loop_from_holding_what_grows() -> None:
     assert settled_after(law, linear, {"lean": 0.1}) < 1.5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["lqi", "plain-mpc", "plain-h-infinity"])
 def test_several_commands_have_the_margins_at_them_where_more_is_read(name: str) -> None:
     # A rocket that lands: its place to the side is led by its attitude, which is read too.

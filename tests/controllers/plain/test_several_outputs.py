@@ -35,6 +35,9 @@ from workbench.verification import Scenario, Steps, guarded, metrics, step_scena
 
 FAMILIES = ["plain-pid", "lqi", "plain-mpc", *(["plain-h-infinity"] if has_slycot() else [])]
 
+MPC_LONG = [pytest.param(n, marks=pytest.mark.long) if n == "plain-mpc" else n for n in FAMILIES]
+"""Each family, of which an MPC takes longest to design."""
+
 H, SPREAD = 2.0, np.array([0.7, 0.6])
 AREA, HOLE, PUMP = np.array([28e-4, 32e-4] * 2), np.array([7.1e-6, 5.7e-6] * 2), 3.3e-6
 
@@ -117,6 +120,7 @@ def test_each_output_follows_and_leaves_the_other(
     agrees_on(run, law, tmp_path, 1e-13)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", FAMILIES)
 def test_units_change_no_loop(name: str) -> None:
     A = np.array([[-0.1, 0.02], [0.0, -0.05]])
@@ -135,7 +139,7 @@ def test_units_change_no_loop(name: str) -> None:
     np.testing.assert_allclose(found[1], found[0], rtol=2e-3, atol=2e-3 * np.abs(found[0]).max())
 
 
-@pytest.mark.parametrize("name", FAMILIES)
+@pytest.mark.parametrize("name", MPC_LONG)
 def test_a_pump_at_its_end_keeps_the_other_tank_from_nothing(name: str) -> None:
     A, B = np.diag([-0.1, -0.1]), np.array([[0.1, 0.01], [0.02, 0.1]])
     system = ct.ss(A, B, np.eye(2), 0, inputs=["u", "v"], outputs=["y", "z"])
@@ -293,6 +297,7 @@ def test_pids_that_are_stable_together_alone() -> None:
     assert np.abs(x).max() < 1e-4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", FAMILIES)
 def test_a_pump_that_changes_slowly_is_asked_for_no_more(name: str, tmp_path: Path) -> None:
     slow = 0.02
@@ -318,6 +323,7 @@ def test_a_pump_that_changes_slowly_is_asked_for_no_more(name: str, tmp_path: Pa
     assert found["low.steady_error"].value < 4e-4 and found["other.steady_error"].value < 4e-4
 
 
+@pytest.mark.long
 def test_noise_takes_no_more_of_a_slew_than_of_a_range() -> None:
     rotor = machine(
         lambda m: {"speed": -0.012 * m.x.speed - m.x.blade, "blade": (m.u.pitch - m.x.blade) / 0.3},
@@ -390,7 +396,7 @@ def test_what_grows_out_of_reach_or_out_of_sight_is_said(
         designed(name, system, sample_time=0.1)
 
 
-@pytest.mark.parametrize("name", FAMILIES)
+@pytest.mark.parametrize("name", MPC_LONG)
 def test_what_one_of_more_commands_cannot_give_the_others_do(name: str, tmp_path: Path) -> None:
     A = np.array([[-0.2, 0.05, 0.0], [0.02, -0.1, 0.0], [0.1, 0.0, -1.0]])
     B = np.array([[0.1, 0.03, 0.02], [0.01, 0.08, -0.03], [0.0, 0.0, 0.1]])
@@ -419,6 +425,7 @@ def test_what_one_of_more_commands_cannot_give_the_others_do(name: str, tmp_path
     assert np.abs(C @ x - asked).max() < 0.02
 
 
+@pytest.mark.long
 def test_late_outputs_of_unlike_size_are_led_as_fast_as_they_can_be() -> None:
     """Of two outputs of Ogunnaike and Ray's column one goes ten times as far as the other."""
 
@@ -466,6 +473,7 @@ def test_what_is_not_stable_never_settles() -> None:
     assert settled_after(law, linear_model("1/(s (s + 1))"), {"y": 1.0}) == math.inf
 
 
+@pytest.mark.long
 def test_pairs_are_those_of_fast_loops_where_these_are_better() -> None:
     # A looper between the stands of a hot strip mill: at rest its pairs are the other way round.
     A = [
@@ -494,6 +502,7 @@ def test_what_stands_for_a_delay_is_told_as_one() -> None:
     assert len(said) == 1 and "at 0.5 rad/s" in said[0]
 
 
+@pytest.mark.long
 def test_an_mpc_brakes_where_its_horizon_ends_long_before_a_step() -> None:
     # A tape between two reels: its tension is fast, its place takes 0.32 s of all of the torques.
     radius, inertia, drag, tape = 0.05, 0.05, 0.01, np.array([-500.0, 500.0, -0.05, 0.05])
@@ -507,6 +516,7 @@ def test_an_mpc_brakes_where_its_horizon_ends_long_before_a_step() -> None:
     assert found["y_0.overshoot"] < 0.02 and found["y_0.settling_time"] < 0.45
 
 
+@pytest.mark.long
 def test_integrals_of_outputs_in_small_units_go_on_while_a_command_of_others_waits() -> None:
     # Gas leaves at the end of its valve, so that noise holds it there half of the time: counted in
     # m and Pa, the integral of the level stood still, and the level went 0.8 m astray.
@@ -535,6 +545,7 @@ def first_stepped(
     return {name: found.value for name, found in metrics(run).items()}
 
 
+@pytest.mark.long
 def test_an_mpc_waits_for_no_wall_that_gets_warm_in_days() -> None:
     # Two rooms and heavy walls: their air takes hours, the walls 36 h.
     heat, flow = np.array([3e6, 5e6, 8e7]), np.array([[0, 80, 150], [80, 0, 120], [150, 120, 0.0]])
@@ -554,6 +565,7 @@ def test_an_mpc_leans_a_scooter_that_gathers_speed_for_a_minute() -> None:
     assert settled_after(law, plant, dict.fromkeys(law.controlled, 1e-3)) < 2.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["plain-mpc", "plain-h-infinity"])
 def test_a_delay_alone_beside_a_lag_is_neither_overshot_nor_waited_for(name: str) -> None:
     """A pipe that delays one output and lets its command stir the other, which is at once."""

@@ -200,7 +200,10 @@ GIMBAL = {"overshoot": 0.025, "settling_time": 0.3}
         # Its bearing sticks at rest.
         *((gimbal, name, 3.0, GIMBAL) for name in ("plain-pid", "plain-h-infinity", "plain-mpc")),
         # It took 4.7 ms by the weights that several outputs begin with.
-        (divider, "plain-mpc", 0.01, {"settling_time": 5e-4, "overshoot": 0.02}),
+        pytest.param(
+            *(divider, "plain-mpc", 0.01, {"settling_time": 5e-4, "overshoot": 0.02}),
+            marks=pytest.mark.long,
+        ),
         # Upon the linear model alone its command swings from end to end, and 0.2 m are left.
         (stage, "lqi", 2.0, {"settling_time": 0.5, "steady_error": 1e-3}),
         # The gear swung by 1 % of the step for ever.

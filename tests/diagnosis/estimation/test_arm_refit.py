@@ -35,6 +35,7 @@ def test_the_refit_reaches_the_noise_floor_where_nothing_is_hidden() -> None:
     assert not any(estimate.on_bound for estimate in report.refit.estimates)
 
 
+@pytest.mark.long
 def test_the_refit_stays_above_the_floor_where_hysteresis_is_hidden() -> None:
     report = run_refit(problem_of_case(read_case(shipped_data("practice-08"))))
     assert not report.reaches_floor

@@ -63,6 +63,7 @@ def test_the_noise_of_every_sample_weighs_it() -> None:
     assert filtered.cost + SAMPLES * np.log(model.outputs[0].scale) == pytest.approx(cost, rel=1e-9)
 
 
+@pytest.mark.long
 def test_a_right_model_lacks_nothing_and_a_disease_is_found_on_its_day() -> None:
     few = [
         h

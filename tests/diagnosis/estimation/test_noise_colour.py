@@ -152,6 +152,7 @@ def test_a_right_model_beside_correlated_noise_lacks_nothing() -> None:
     assert floor["drum"] == pytest.approx(0.304, rel=0.15)
 
 
+@pytest.mark.long
 def test_friction_is_found_beside_correlated_noise() -> None:
     verdict = _diagnosed(0.4, "coulomb_friction", "sensor_lag", "quadratic_drag", "offset")
     assert verdict.kind in ("named", "named_class")

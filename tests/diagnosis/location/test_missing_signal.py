@@ -140,6 +140,7 @@ def test_a_finding_says_when_with_which_signal_and_where() -> None:
     assert calm is not None and calm.occurrence is None and not calm.findings
 
 
+@pytest.mark.long
 def test_unexplained_names_a_time_a_place_and_a_signal() -> None:
     found = shaken()
     assert found.verdict.kind == "unexplained"

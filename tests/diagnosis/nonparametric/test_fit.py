@@ -91,6 +91,7 @@ def _observed(model: Model, recording: Recording) -> Observed:
     return observe(model, recording.with_roles({"valve": "command"}))
 
 
+@pytest.mark.long
 def test_a_made_up_law_of_the_axis_is_found_over_the_right_argument() -> None:
     found = axis_term(True)
     assert found.accepted, found.reason

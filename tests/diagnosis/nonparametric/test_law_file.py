@@ -37,6 +37,7 @@ def _law(term: NonparametricTerm, folder: Path, name: str) -> Law:
     return found
 
 
+@pytest.mark.long
 def test_the_curve_has_the_shape_of_the_spring_that_is_hidden() -> None:
     term = _term()
     assert term.likeness is not None and term.likeness.law == "linear_spring"

@@ -53,6 +53,7 @@ def _thrown(seed: int, late: float) -> Recording:
     return recording(f"run {seed}", STEP, {"drive [N]": drive}, read)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("late", [0.14, 0.15, 0.17])
 def test_what_is_read_late_is_told_to_a_part_of_a_sample_though_it_meets_walls(
     late: float,
