@@ -335,7 +335,7 @@ def test_header_of_an_mpc_says_what_can_happen(linear: LinearModel, tmp_path: Pa
         "0 solved, 1 given up after too many iterations, 2 constraints that contradict each other",
         "bytes static",
         "the unconstrained regulator",
-        "slack: largest pressure out of its limits",
+        "slack: largest limited output out of its limits",
         "up to 200 samples ahead",
         "#define RIG_MPC_REFERENCES 201",
         "double *command, double *report);",
