@@ -181,6 +181,26 @@ def test_what_an_effect_adds_is_read_at_its_own_ports() -> None:
     assert np.all(added < -compliance * 100.0) and np.all(added > -compliance * 1500.0)
 
 
+def test_what_is_added_before_a_lag_at_the_same_port_is_all_of_it() -> None:
+    base = machine(
+        lambda m: {"x": m.x.v, "v": m.u.drive - 4.0 * m.x.x - 0.4 * m.x.v},
+        "x m, v m/s",
+        "drive A -2 2",
+        "x m",
+    )
+    lag, offset = (offered(base, f"{name}_drive_command") for name in ("drive_lag", "offset"))
+    extended = base.with_effect(offset.at_size(0.3)).with_effect(lag.at_size(0.05))
+    without, inputs = extended.without("offset_drive_command"), np.full(60, 0.5)
+    seen = simulated(extended, inputs, sample_time=0.01)
+    missing = unknown_input(
+        without, simulated(without, inputs, sample_time=0.01), ("drive.command",)
+    )
+    absent = {f"offset_drive_command.{offset.size_parameter}": 0.0}
+    effect = extended.effect("offset_drive_command")
+    added = added_at_ports(extended, effect, absent, seen, without, missing)
+    np.testing.assert_allclose(added, 0.3, rtol=1e-9)
+
+
 def test_the_clock_of_an_event_is_no_signal_that_anything_goes_with() -> None:
     model = oscillator().with_effect(offered(oscillator(), "offset_jump_mass_force").at_size(1.0))
     along = np.column_stack([SPEED, ANGLE, TIME])

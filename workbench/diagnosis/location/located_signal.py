@@ -346,12 +346,23 @@ def added_at_ports(
     )
     shared = [index_of("state", q.name, extended.states) for q in model.states]
     states[:, shared] = missing.states
+    if set(missing.ports) <= set(effect.ports):
+        # Behind what remembers at the same port, such as a lag, nothing is added at once.
+        behind = [
+            e.name
+            for e in extended.effects
+            if e.name != effect.name and e.states and {*e.ports} & {*effect.ports}
+        ]
+        alone = extended.without(*behind)
+        columns = [index_of("state", q.name, extended.states) for q in alone.states]
+        own = alone.exact.signals[[alone.exact.signal_names.index(n) for n in missing.ports]]
+        present, gone = (
+            alone.exact.along(states[:, columns], missing.inputs, v.values, own)[0][:, :, 0]
+            for v in (alone, alone.with_parameters(absent))
+        )
+        return np.asarray(present - gone)
     trace, full = model.exact, extended.exact
     either = extended.values, extended.with_parameters(absent).values
-    if set(missing.ports) <= set(effect.ports):
-        own = full.signals[[full.signal_names.index(name) for name in missing.ports]]
-        present, gone = (full.along(states, missing.inputs, v, own)[0][:, :, 0] for v in either)
-        return np.asarray(present - gone)
     rows = [index_of("output", name, model.outputs) for name in observed.used]
     there = [[q.name for q in model.ports].index(name) for name in missing.ports]
     by_rate, by_read = trace.along(
