@@ -350,20 +350,27 @@ def test_a_place_that_a_speed_adds_to_may_be_carried_off_as_well() -> None:
     assert "cubic_stiffness" not in {h.name for h in library(aircraft(0.5))}
 
 
-def test_a_rotor_lifts_more_above_the_ground_and_a_weight_does_not() -> None:
+@pytest.mark.parametrize("lag", [0.0, 0.08])
+def test_a_rotor_lifts_more_above_the_ground_and_a_weight_does_not(lag: float) -> None:
     def equations(m):
-        lift = 22.0 * m.u.throttle / 1.6 - 0.1 * m.x.climb
-        return {"height": m.x.climb, "climb": lift - 9.81}
+        thrust = m.x.thrust if lag else m.u.throttle
+        lift = 22.0 * thrust / 1.6 - 0.1 * m.x.climb
+        turning = {"thrust": (m.u.throttle - m.x.thrust) / lag} if lag else {}
+        return {"height": m.x.climb, "climb": lift - 9.81} | turning
 
-    drone = machine(equations, "height m, climb m/s", "throttle 1 0 1", "height m")
+    states = "height m, climb m/s" + ", thrust 1" * (lag > 0.0)
+    drone = machine(equations, states, "throttle 1 0 1", "height m")
     law = offered(drone, "ground_effect", ranges={"height": (0.3, 1.5)})
     # Below and above what was seen: a floor or a ceiling.
     assert {np.sign(shape["surface"] - shape["nearest"]) for shape in law.shapes} == {-1.0, 1.0}
     near = drone.with_effect(law.at_size(0.2, {"surface": 0.0, "nearest": 0.3}))
+    rotor = [0.7] * (lag > 0.0)
     for height, grown in ((0.3, 0.2), (0.6, 0.05), (3.0, 0.002)):
-        more = near.rates([height, 0.0], [0.7])[1] - drone.rates([height, 0.0], [0.7])[1]
+        at = [height, 0.0, *rotor]
+        more = near.rates(at, [0.7])[1] - drone.rates(at, [0.7])[1]
         assert more == pytest.approx(grown * 22.0 * 0.7 / 1.6)
-    assert near.rates([0.3, 1.0], [0.0])[1] == pytest.approx(drone.rates([0.3, 1.0], [0.0])[1])
+    falling = [0.3, 1.0, *(0.0 * r for r in rotor)]
+    assert near.rates(falling, [0.0])[1] == pytest.approx(drone.rates(falling, [0.0])[1])
 
 
 def test_a_magnet_pulls_with_the_square_of_one_over_its_distance() -> None:

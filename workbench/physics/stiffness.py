@@ -414,9 +414,9 @@ def _before(at: Place) -> bool:
 
 def _driven(survey: Survey) -> Iterator[Fit]:
     for place in survey.fitting("force", "acceleration", needs=("coordinate",)):
-        causes = survey.causes(place)
-        if len(causes) == 1 and _before(place):
-            at = place.with_signal("cause", causes[0])
+        drives = survey.drives(place)
+        if len(drives) == 1 and _before(place):
+            at = place.with_signal("cause", drives[0])
             yield f"_{by_port(place)}", ((at,),)
 
 

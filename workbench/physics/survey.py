@@ -129,6 +129,25 @@ class Survey:
         entering = zip(self.model.inputs, entered, strict=True)
         return tuple(self.ports.of(q.name) for q, enters in entering if enters)
 
+    def drives(self, place: Place) -> tuple[Local, ...]:
+        """Return the inputs that enter the signal of a place, or states by which they do late.
+
+        Those follow an input, such as the thrust of a rotor, and nothing that moves with the place.
+        """
+        if causes := self.causes(place):
+            return causes
+        value, known = self.ports.value_at(place), self.ports.symbols
+        near = {own.source for own in place.signals.values()}
+        late = [
+            name
+            for name, i in self.ports.state_index.items()
+            if ca.depends_on(value, known[name])
+            and ca.depends_on(self.trace.rates[i], self.trace.u)
+            and not near
+            & {n for n, own in known.items() if ca.depends_on(self.trace.rates[i], own)}
+        ]
+        return tuple(self.ports.of(name) for name in late)
+
     def read_too(self, place: Place) -> tuple[Local, ...]:
         """Return the state of which alone a sensor reads a function, if another one reads it."""
         read = [self.ports.measured.get(q.name) for q in self._outputs if q != place.output]
