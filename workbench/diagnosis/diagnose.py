@@ -170,16 +170,20 @@ def stages(
 
     def under(view: View, found: Diagnosis) -> tuple[View, Diagnosis, bool]:
         """Search again under a view, until that is of no use, and tell whether it is better."""
-        say(view.why)
         view = replace(view, rows=(*rows, *view.rows))
-        again = None
-        for again in searched(view, folder=folder and folder / view.name):
-            if why := view.ends(again):
-                say(f"{why}: the first search stands")
-                break
-        assert again is not None
+        same = (known for of, early, known in before if of is model and view.searches_as(early))
+        again: Diagnosis | None = next(same, None)
+        if again is None:
+            say(view.why)
+            for again in searched(view, folder=folder and folder / view.name):
+                if why := view.ends(again):
+                    say(f"{why}: the first search stands")
+                    break
+            assert again is not None
+            before.append((model, view, again))
         return view, again, again.concluded is not None and view.better(again, found)
 
+    before: list[tuple[Model, View, Diagnosis]] = []
     found, first_round = None, entries is None and priors is None
     for reached in searched(View(model, rows=rows), folder=folder):
         found = reached

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from workbench.diagnosis.estimation.noise_colour import (
     BY_CHANCE,
@@ -86,8 +87,22 @@ class View:
         """Whether a hypothesis is tried in this search."""
         if self.found is None:
             return self.may_be(hypothesis)
-        followed = {c.name for r in self.found.rounds for c in r.candidates if c.followed}
-        return hypothesis.name in followed or any(p in self.among for p in hypothesis.ports)
+        return hypothesis.name in self._followed or any(p in self.among for p in hypothesis.ports)
+
+    def searches_as(self, other: View) -> bool:
+        """Whether another view of the same model looks among the same ports for the same.
+
+        What was followed since, beside what was found, was tried there in vain if it is no part of
+        that.
+        """
+        if self.found is None or not self.among or self.among != other.among:
+            return False
+        return {a.candidate.name for a in self.found.accepted} <= other._followed
+
+    @cached_property
+    def _followed(self) -> frozenset[str]:
+        rounds = self.found.rounds if self.found else ()
+        return frozenset(c.name for r in rounds for c in r.candidates if c.followed)
 
     def ends(self, again: Diagnosis) -> str:
         """Return why it is of no use to go on with this search; empty if it may be."""

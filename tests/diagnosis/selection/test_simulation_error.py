@@ -103,8 +103,10 @@ def test_a_rounded_reversal_is_sharpened() -> None:
     case = lacking(rounded=True)
     name = "coulomb_friction.transition_speed"
     assert case.closer.model.parameter(name).value < 0.3 * case.fit.model.parameter(name).value
-    level = case.closer.refit.estimate("coulomb_friction.level")
-    assert level.value == pytest.approx(4.0, rel=0.1)
+    # What the fit before it was off is told, as far as that was good.
+    for parameter, true in (("coulomb_friction.level", 4.0), ("damping", 0.6)):
+        told = case.closer.refit.estimate(parameter)
+        assert abs(told.value - true) < 2.0 * told.std < 0.05 * true
     before, after = (run_errors(fit, case.model, case.judging) for fit in (case.fit, case.closer))
     assert after.mean[0] < 0.25 * before.mean[0]
 
