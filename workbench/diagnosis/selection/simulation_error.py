@@ -59,8 +59,9 @@ def closest_runs(
 
     Returns:
         The fit with other estimates, intervals from the scatter between blocks of time, and from
-        how far both are apart where the runs get little closer; the given one where the equations leave nothing out, where it would take too long, or where the runs
-        on held-out recordings do not get closer. The cost stays that of the given fit.
+        how far both are apart where the runs get little closer; the given one where the equations
+        leave nothing out, where it would take too long, or where the runs on held-out recordings
+        do not get closer. The cost stays that of the given fit.
 
     Source:
         L. Ljung, System Identification, 2nd ed., section 7.2 (output error); P. J. Huber and E. M.
