@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,10 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.machines import machine
 from tests.shell import Shell
 from tests.study.small_study import small_study
 from workbench.cli.main import INTERRUPTED
 from workbench.cli.options import summary
+from workbench.cli.plant import value_at_rest
 from workbench.cli.simulate import simulate
 from workbench.data_folder import shipped_folder
 from workbench.model.units import quantity
@@ -196,6 +199,26 @@ def test_a_redesign_is_run_until_its_loops_have_settled(
     (scenario,) = conditions["scenarios"].values()
     (signal,) = scenario["references"].values()
     assert np.diff(signal["times"]).tolist() == [1.0, 4.0]
+
+
+def test_a_number_at_rest_is_in_the_unit_that_its_quantity_declares() -> None:
+    reactor = machine(
+        lambda m: {"c": m.u.feed - 0.1 * m.x.c, "rotor": m.u.feed - m.x.rotor},
+        "c mol/l, rotor rad/s display_unit=rpm",
+        "feed mol/(l*s)",
+        "c mol/l",
+    )
+    assert value_at_rest(reactor, "c=0.2") == ("c", pytest.approx(200.0))
+    assert value_at_rest(reactor, "rotor=30") == ("rotor", pytest.approx(math.pi))
+    assert value_at_rest(reactor, "rotor=2rad/s") == ("rotor", pytest.approx(2.0))
+
+
+def test_a_run_goes_on_after_the_last_switch_of_an_input(shell: Shell) -> None:
+    usual, longer = (
+        float(re.search(r"0 to ([\d.]+) s", shell(f"simulate --plant pendulum {given}").out)[1])
+        for given in ("--gain 0:1", "--gain 0:1,40s:0.5")
+    )
+    assert usual < 40.0 < longer
 
 
 def test_verify_writes_controllers_as_c(

@@ -120,3 +120,32 @@ def test_what_goes_on_as_fast_as_everything_else_does_not_rest(taken: float) -> 
     )
     with pytest.raises(WorkbenchError, match="no operating point"):
         operating_point(falling)
+
+
+def _rotor() -> Model:
+    """A rotor in a wind, whose blades turn out of it by a command."""
+    return machine(
+        lambda m: {
+            "rotor": 0.2 * (m.u.wind - m.x.blade) - 0.05 * (m.x.rotor - 2.0) ** 2,
+            "blade": (m.u.pitch - m.x.blade) / 0.3,
+        },
+        "rotor rad/s 2, blade 1 1",
+        "pitch 1 0 10 nominal=1, wind m/s 0 20 nominal=3 commanded=0",
+        "rotor rad/s",
+    )
+
+
+def test_commands_rest_beside_another_disturbance_as_beside_the_usual_one() -> None:
+    usual, windy = (operating_point(_rotor(), given) for given in (None, {"wind": 5.0}))
+    for point, wind in ((usual, 3.0), (windy, 5.0)):
+        assert point["pitch"] == pytest.approx(1.0)
+        assert point["rotor"] == pytest.approx(2.0 + math.sqrt(4.0 * (wind - 1.0)))
+    # It is a point of the plant as it was declared.
+    assert windy.model.inputs[1].nominal == 3.0
+
+
+def test_what_rests_elsewhere_does_not_go_by_where_it_cannot_rest() -> None:
+    # 5.46 rad/s is the most, with a pitch of 0.
+    with pytest.raises(WorkbenchError, match="no operating point"):
+        operating_point(_rotor(), {"rotor": 7.0})
+    assert operating_point(_rotor(), {"rotor": 5.0}).is_equilibrium

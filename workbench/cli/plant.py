@@ -228,7 +228,7 @@ def value_at_rest(model: Model, text: str) -> tuple[str, float]:
 
 def _resting(model: Model) -> dict[str, str]:
     """Return everything whose value at rest may be given, with the unit that a number has."""
-    units = {q.name: q.unit for q in model.states}
+    units = {q.name: q.display_unit or q.unit for q in model.states}
     units |= {total.name: total.display_unit for total in model.traits.sums}
     return units | {q.name: q.display_unit for q in (*model.inputs, *model.outputs)}
 

@@ -49,7 +49,8 @@ def simulate(
         pulses ([NAME=]HEIGHT): Instead: pulses of this height about the nominal value of the first
             input, or of one that is named, such as 0.9 or valve=0.9V.
         period (TIME): Period of the pulses. By default two steps that the linear model responds to.
-        duration (TIME): Length of the run. By default four such steps.
+        duration (TIME): Length of the run. By default four such steps, and two after the last time
+            at which an input switches.
         sample_time (TIME): Time between samples. By default a thousandth of such a step, less where
             a run would have less than 200 of them or inputs would switch between two.
         initial: Start at the initial values that the states declare, not at rest.
@@ -90,6 +91,9 @@ def simulate(
     step = check_range("sample time", step, *TIMES_S, "s")
     check_range("duration", length, 2 * step, 1e6 * step, "s")
     driven = _with_pulses(chosen, pulses, lambda: time("period", period, 2.0), length)
+    if duration is None:
+        last = max((t for steps in driven.values() for t, _ in steps), default=0.0)
+        length = max(length, last + 0.5 * length)
     instants = sorted({t for steps in driven.values() for t, _ in steps if 0.0 < t < length})
     step, parts = _paced(instants, step, length, given=sample_time is not None)
     fine = step / parts

@@ -83,6 +83,8 @@ def _reached(
             if abs(part) < LEAST * size and point.residual > EXACTLY:
                 # Nothing rests there, as a hopper that is emptied: it is only so little.
                 continue
+            if linear.operating_point.is_equilibrium and not point.is_equilibrium:
+                continue  # It goes by there, as a rotor beyond its fastest speed does.
             rests.append(part)
             # What the linear model leaves out, as dry friction, is no reason to step less far.
             point = point if own is model else operating_point(own, given)

@@ -182,15 +182,33 @@ def operating_point(
     """
     model = model_of(model)
     asked = _checked(model, given)
+    if given and given.keys() <= {q.name for q in model.inputs if not q.commanded}:
+        # Beside another wind, commands hold what they hold beside the usual one.
+        inputs = tuple(replace(q, nominal=asked.get(q.name, q.nominal)) for q in model.inputs)
+        point = operating_point(replace(model, inputs=inputs), bounds=bounds, near=near)
+        return replace(point, model=model)
     crowded = len(_with_disturbances(model, asked)) < len(_undisturbed(model, asked))
     if crowded and (passed := _passed_through(model, asked, bounds, near)):
         return passed
     try:
         return _resting(model, given, bounds, near)
     except _NoPointError:
-        if not crowded and (passed := _passed_through(model, asked, bounds, near)):
+        # What rests, but not where it shall, such as a rotor beyond its fastest speed, is told so.
+        idle = {q.name for q in model.inputs if not q.commanded}
+        elsewhere = asked.keys() - idle and not asked.keys() & {q.name for q in model.commands}
+        if crowded or (elsewhere and _rests(model, bounds)):
+            raise
+        if passed := _passed_through(model, asked, bounds, near):
             return passed
         raise
+
+
+def _rests(model: Model, bounds: Mapping[str, tuple[float, float]] | None) -> bool:
+    """Say whether all of a model rests by what it declares, or held where it starts."""
+    try:
+        return _resting(model, None, bounds, None).is_equilibrium
+    except _NoPointError:
+        return False
 
 
 def _resting(
