@@ -146,6 +146,9 @@ class LoopSpecification(Checked):
             commas between or as a list; by default none, or all that show the same states where
             no loop of the followed outputs alone is within its limits, or a much better one is
             with them.
+        step: How far references step at once, in SI of the followed output, or of each, 0 for as
+            far as the linear model is of use (`workbench.linearisation.first_step`), which is the
+            default: so far the plant's equations are asked whether they bear it.
     """
 
     measured: str | tuple[str, ...] = ""
@@ -161,9 +164,12 @@ class LoopSpecification(Checked):
     overshoot: float = number(0.02, 0.0, 1.0)
     noise: float = number(0.0, 0.0, 1e30)
     also_measured: str | tuple[str, ...] = ""
+    step: float | tuple[float, ...] = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        for size in np.atleast_1d(self.step).tolist():
+            check_range("step", size, -1e30, 1e30)
         if self.sample_time:
             check_range("sample time", self.sample_time, *TIMES_S, "s")
         ms, mt = self.maximum_sensitivity, self.maximum_complementary

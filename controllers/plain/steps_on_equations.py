@@ -1,12 +1,12 @@
 """References that the equations bear which a linear model is one of.
 
 A law is designed on the linear model alone. Before it is handed out, it is run on the model's own
-equations through a step of each output and back, as far as a first trial steps it
-(`workbench.linearisation.first_step`). Where that overshoots by much more than is allowed, or is
-lost, as where a plant answers more the farther it goes, references are led there in several times
-the rise of the step. Where that does not mend it, nor where the plant does not arrive, as where it
-sticks or swings on, the loop is too fast for what the linear model leaves out. What noise of the
-sensors makes of a step by the linear model is no fault of it.
+equations through a step of each output and back, as far as it is asked to, or as a first trial
+steps it (`workbench.linearisation.first_step`). Where that overshoots by much more than is allowed,
+or is lost, as where a plant answers more the farther it goes, references are led there in several
+times the rise of the step. Where that does not mend it, nor where the plant does not arrive, as
+where it sticks or swings on, the loop is too fast for what the linear model leaves out. What noise
+of the sensors makes of a step by the linear model is no fault of it.
 """
 
 from __future__ import annotations
@@ -110,7 +110,8 @@ class _Run:
         """
         names, model = law.controlled, self.linear.operating_point.model
         command = command_of_loop(self.linear, names[i]) if len(names) == 1 else ""
-        size = step_of(model, self.linear, names[i], names, command)
+        asked = np.broadcast_to(self.want.step, len(names))[i]
+        size = float(asked) or step_of(model, self.linear, names[i], names, command)
         noisy = NOISY * stirred(law, self.linear, self.want.delay).get(names[i], 0.0) / abs(size)
         best = law, self.stepped(law, i, size, noisy, most)
         first = best[1]

@@ -329,3 +329,28 @@ def test_what_is_not_given_rests_as_it_starts() -> None:
     assert operating_point(mixed, {"warm": 312.0, "pump": 0.0})["salt"] == pytest.approx(0.0)
     # Nor does a loop of the other command let it fall.
     assert usual_inputs(mixed)["pump"] == operating_point(mixed)["pump"] > 0.0
+
+
+def test_an_input_may_have_the_name_of_a_state_and_of_what_is_read() -> None:
+    def equations(m: Any) -> Any:
+        blade = m.x.pitch
+        rates = {
+            "pitch": (m.u.pitch - blade) / 0.3,
+            "rotor": 0.2 * (m.u.wind - blade) - 0.1 * m.x.rotor,
+        }
+        return rates, {"rotor": m.x.rotor, "pitch": 100.0 * blade, "wind": 2.0 * m.x.rotor}
+
+    mill = machine(
+        equations,
+        "pitch rad, rotor rad/s",
+        "pitch rad 0 10 nominal=1, wind m/s 0 20 nominal=5 commanded=0",
+        "rotor rad/s, pitch 1, wind 1",
+    )
+    usual = operating_point(mill)
+    assert usual.u.tolist() == pytest.approx([1.0, 5.0]) and usual["rotor"] == pytest.approx(8.0)
+    slow = operating_point(mill, {"rotor": 4.0})
+    assert slow.u.tolist() == pytest.approx([3.0, 5.0])
+    # What is read is meant by a name alone.
+    assert operating_point(mill, {"pitch": 200.0}).u.tolist() == pytest.approx([2.0, 5.0])
+    assert operating_point(mill, {"u.wind": 7.0})["rotor"] == pytest.approx(12.0)
+    assert usual_inputs(mill) == pytest.approx({"pitch": 1.0, "wind": 5.0})

@@ -16,7 +16,7 @@ from workbench.linearisation.time_scales import reach_of, step_time
 from workbench.linearisation.transfer import transfer_function
 from workbench.model import Input, Model
 from workbench.model.units import from_si, of_difference, to_si
-from workbench.operating_point import operating_point, usual_inputs
+from workbench.operating_point import input_named, operating_point, usual_inputs
 
 _KNOWN: WeakKeyDictionary[LinearModel, dict[tuple[object, ...], float]] = WeakKeyDictionary()
 
@@ -131,8 +131,8 @@ def as_the_loop_rests(
     model: Model, at: tuple[tuple[str, float], ...], command: str
 ) -> tuple[tuple[str, float], ...]:
     """Return values at rest, in SI, with what a single loop does not command where it rests."""
-    usual = usual_inputs(model).items()
-    idle = [(name, u) for name, u in usual if name != command and name not in dict(at)]
+    others = [(input_named(model, n), u) for n, u in usual_inputs(model).items() if n != command]
+    idle = [(name, u) for name, u in others if name not in dict(at)]
     room = len(model.inputs) - len(at) if at else 0
     return (*at, *idle[: max(room, 0)])
 

@@ -6,5 +6,13 @@ from workbench.operating_point.operating_point import (
     operating_point,
     usual_inputs,
 )
+from workbench.operating_point.trim import input_named
 
-__all__ = ["Derivatives", "OperatingPoint", "derivatives_of", "operating_point", "usual_inputs"]
+__all__ = [
+    "Derivatives",
+    "OperatingPoint",
+    "derivatives_of",
+    "input_named",
+    "operating_point",
+    "usual_inputs",
+]

@@ -32,6 +32,7 @@ from workbench.operating_point.trim import (
     Solution,
     clocks_of,
     conditions_of,
+    input_named,
     limits_of,
     rate_sizes,
     solve,
@@ -182,9 +183,13 @@ def operating_point(
     """
     model = model_of(model)
     asked = _checked(model, given)
-    if given and given.keys() <= {q.name for q in model.inputs if not q.commanded}:
+    idle = _at_nominal(model, (q for q in model.inputs if not q.commanded)).keys()
+    if given and given.keys() <= idle:
         # Beside another wind, commands hold what they hold beside the usual one.
-        inputs = tuple(replace(q, nominal=asked.get(q.name, q.nominal)) for q in model.inputs)
+        inputs = tuple(
+            replace(q, nominal=asked.get(input_named(model, q.name), q.nominal))
+            for q in model.inputs
+        )
         point = operating_point(replace(model, inputs=inputs), bounds=bounds, near=near)
         return replace(point, model=model)
     crowded = len(_with_disturbances(model, asked)) < len(_undisturbed(model, asked))
@@ -194,8 +199,8 @@ def operating_point(
         return _resting(model, given, bounds, near)
     except _NoPointError:
         # What rests, but not where it shall, such as a rotor beyond its fastest speed, is told so.
-        idle = {q.name for q in model.inputs if not q.commanded}
-        elsewhere = asked.keys() - idle and not asked.keys() & {q.name for q in model.commands}
+        commands = _at_nominal(model, model.commands).keys()
+        elsewhere = asked.keys() - idle and not asked.keys() & commands
         if crowded or (elsewhere and _rests(model, bounds)):
             raise
         if passed := _passed_through(model, asked, bounds, near):
@@ -286,7 +291,7 @@ def _passed_through(
     found = _passing(model, wanted, bounds, near)
     if not found and len(wanted) <= len(model.inputs):
         # What is given is where a state goes by that the usual commands do not hold.
-        wanted = {q.name: q.nominal for q in model.inputs} | wanted
+        wanted = _at_nominal(model, model.inputs) | wanted
         found = _passing(model, wanted, bounds, near)
     return _point(*found, wanted) if found else None
 
@@ -452,14 +457,14 @@ def _held_at_start(
     """
     asked = dict(given or {})
     start = model.read(model.initial_state(), model.nominal_input)
-    inputs = {q.name for q in model.inputs}
-    commands = [q for q in model.commands if q.name not in asked][len(asked.keys() - inputs) :]
-    idle = {q.name: q.nominal for q in model.inputs if not q.commanded}
+    others = len(asked.keys() - _at_nominal(model, model.inputs).keys())
+    commands = [q for q in model.commands if input_named(model, q.name) not in asked][others:]
+    idle = _at_nominal(model, (q for q in model.inputs if not q.commanded))
     outputs = [
         (q.name, float(y)) for q, y in zip(model.outputs, start, strict=True) if q.name not in asked
     ]
     for count in range(min(len(commands), len(outputs)), 0, -1):
-        left = {q.name: q.nominal for q in commands[count:]}
+        left = _at_nominal(model, commands[count:])
         # The first outputs, or others where what is given leaves those nowhere else.
         for kept in islice(combinations(outputs, count), CHOICES):
             with suppress(WorkbenchError):
@@ -479,14 +484,14 @@ def _drifting(model: Model, names: Iterable[str]) -> list[str]:
 
 
 def _checked(model: Model, given: Mapping[str, float] | None) -> dict[str, float]:
-    everything: dict[str, Quantity] = {q.name: q for q in (*model.inputs, *model.states)}
-    everything |= {q.name: q for q in model.outputs}
+    everything = [q.name for q in (*model.inputs, *model.states, *model.outputs)]
+    everything += [*_at_nominal(model, model.inputs), *(t.name for t in model.traits.sums)]
     given = dict(given or {})
     sums = _drifting(model, given)
     if len(given) == len(sums):
-        given |= {q.name: q.nominal for q in model.inputs}
+        given |= _at_nominal(model, model.inputs)
     for name in given:
-        check_choice("given quantity", name, [*everything, *(t.name for t in model.traits.sums)])
+        check_choice("given quantity", name, dict.fromkeys(everything))
     if len(given) - len(sums) > len(model.inputs):
         raise WorkbenchError(
             f"{len(given)} values are given ({', '.join(given)}); {model.name!r} has"
@@ -505,8 +510,13 @@ def _with_disturbances(model: Model, given: dict[str, float]) -> dict[str, float
 
 def _undisturbed(model: Model, given: dict[str, float]) -> dict[str, float]:
     """Add to given values the nominal ones of all inputs that nobody commands."""
-    idle = {q.name: q.nominal for q in model.inputs if not q.commanded}
+    idle = _at_nominal(model, (q for q in model.inputs if not q.commanded))
     return given | {name: value for name, value in idle.items() if name not in given}
+
+
+def _at_nominal(model: Model, inputs: Iterable[Input]) -> dict[str, float]:
+    """Return the nominal values of inputs, in SI, by the names by which they are given."""
+    return {input_named(model, q.name): q.nominal for q in inputs}
 
 
 def check_value(model: Model, name: str, value: float, *, what: str = "") -> None:
@@ -518,9 +528,8 @@ def check_value(model: Model, name: str, value: float, *, what: str = "") -> Non
         lower, upper = model.bound(total.lower), model.bound(total.upper)
     else:
         states = {q.name: q for q in model.states}
-        quantity: Quantity = {q.name: q for q in (*model.inputs, *model.states, *model.outputs)}[
-            name
-        ]
+        known: dict[str, Quantity] = {input_named(model, q.name): q for q in model.inputs}
+        quantity = (states | known | {q.name: q for q in model.outputs})[name]
         unit = shown_in(quantity)
         # The range of a state is that of the laws; a measurement shares it if it shows that state.
         bounded = states[name] if name in _shown_states(model) else quantity

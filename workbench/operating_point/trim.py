@@ -298,16 +298,35 @@ def _singular_values(slope: Vector) -> tuple[Vector, Vector]:
 def conditions_of(
     model: Model, given: Sequence[tuple[str, float]], *, states_first: bool = False
 ) -> tuple[Condition, ...]:
-    """Turn given values, in SI, into conditions: of measurements, states, then inputs by name."""
+    """Turn given values, in SI, into conditions: of measurements, inputs, then states by name."""
     everything = [*model.outputs, *model.states, *model.inputs]
     names = [q.name for q in everything]
+    read, states = len(model.outputs), len(model.states)
+    # Of a name that several have, the first place counts that is looked at.
+    order = [*range(read), *range(read + states, len(names)), *range(read, read + states)]
+    places = {names[i]: i for i in reversed(order)}
+    places |= {f"{_OF_INPUTS}{names[i]}": i for i in range(read + states, len(names))}
+    if states_first:
+        places |= {names[i]: i for i in range(read, read + states)}
     found = []
     for name, value in given:
-        index = names.index(name, len(model.outputs) if states_first else 0)
+        index = places[name]
         weights = np.zeros(len(names))
         weights[index] = 1.0
         found.append(Condition(name, weights, float(value), everything[index].scale))
     return tuple(found)
+
+
+_OF_INPUTS = "u."
+
+
+def input_named(model: Model, name: str) -> str:
+    """Return the name by which the value of an input is given at rest.
+
+    It is its own, but where a measurement has that too and would be meant: a command of a blade's
+    pitch, and what its sensor reads.
+    """
+    return f"{_OF_INPUTS}{name}" if any(q.name == name for q in model.outputs) else name
 
 
 def clocks_of(model: Model) -> dict[int, float]:

@@ -54,7 +54,7 @@ from workbench.study.feasible import check_demand
 from workbench.study.margins import analyse_loop
 from workbench.study.plants import PlantRecipe
 from workbench.study.study import NOMINAL, Case, Demand, Study, Variation, load_metrics
-from workbench.verification import Requirement, Scenario, Steps, step_scenario
+from workbench.verification import Requirement, Scenario, Signal, Steps, step_scenario
 from workbench.verification.metrics import metric_of, metric_units
 
 Progress = Callable[[str, int, int, str], None]
@@ -340,6 +340,10 @@ class StepTrial:
         )
         if late := scenario.late_samples * scenario.sample_time:
             told = (*told, ("delay", late))
+        if self.ends:
+            # What somebody asks for may be farther than a first trial would step.
+            sizes = tuple(_first_step(scenario.references[name]) for name in followed)
+            told = (*told, ("step", sizes[0] if len(sizes) == 1 else sizes))
 
         def recipe(name: str) -> ControllerRecipe:
             made = replace(base, name=name, design=name)
@@ -464,6 +468,11 @@ class StepTrial:
         for demand in demands:
             check_demand(demand, units, scenarios, controllers, metrics)
         return tuple(demands), own
+
+
+def _first_step(reference: Signal) -> float:
+    """Return by how much a reference steps first, in SI; 0 where it does not."""
+    return next((after - before for _, before, after in reference.changes), 0.0)
 
 
 def _delays(model: Model) -> tuple[tuple[str, ...], float]:

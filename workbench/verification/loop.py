@@ -33,7 +33,7 @@ from workbench.linearisation.exact_delays import channels_of
 from workbench.linearisation.state_space import linear_model
 from workbench.model import Effect, Input, Model, Output, Parameter
 from workbench.model.linear_system import LinearEquations
-from workbench.operating_point import operating_point, usual_inputs
+from workbench.operating_point import input_named, operating_point, usual_inputs
 from workbench.plants.registry import model_of
 from workbench.verification.closed_loop_run import Run
 from workbench.verification.sampled_plant import TOLERANCE, FullPlant, LatePlant, LinearPlant
@@ -99,7 +99,7 @@ def verify(
     if isinstance(plant, Model):
         model = _with_disturbances(plant, scenario, events)
         usual = usual_inputs(model).items()
-        idle = {name: u for name, u in usual if name not in controller.actuators}
+        idle = {input_named(model, n): u for n, u in usual if n not in controller.actuators}
         start = scenario.start_values()
         rest = operating_point(
             model, {**idle, **start} if len(start) <= len(controller.actuators) else start
