@@ -26,7 +26,7 @@ from workbench.diagnosis.second_search import View, where_none_is_declared
 from workbench.diagnosis.selection.held_out import over_floor
 from workbench.diagnosis.undeclared import inputs, noise, plant
 from workbench.diagnosis.undeclared.disturbances import opened
-from workbench.diagnosis.undeclared.noise import as_coarse_as_recorded
+from workbench.diagnosis.undeclared.noise import as_coarse_as_recorded, as_noisy_as_recorded
 from workbench.diagnosis.undeclared.plant import with_undeclared
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
@@ -57,6 +57,30 @@ def test_steps_coarser_than_declared_count_as_noise() -> None:
     model, (row,) = as_coarse_as_recorded(oscillator(), [_swinging(0.0), _swinging(0.02)])
     assert model.outputs[0].resolution == pytest.approx(0.02)
     assert row["result"] == "corrected" and "steps of 0.02 m" in row["note"]
+
+
+def _driven_with(noise: float, drive: Vector | None = None) -> Recording:
+    """An oscillator of 1 kg, 30 N/m and 0.6 N s/m by SciPy, read every 10 ms with so much noise."""
+    time = 0.01 * np.arange(4000)
+    steps = np.where(time % 8.0 < 4.0, 2.0, -2.0) if drive is None else drive
+
+    def rates(t: float, x: Vector) -> list[float]:
+        force = steps[min(int(t / 0.01 + 1e-9), len(steps) - 1)]
+        return [x[1], force - 30.0 * x[0] - 0.6 * x[1]]
+
+    moved = solve_ivp(rates, (0.0, time[-1]), (0.0, 0.0), t_eval=time, max_step=0.01, rtol=1e-8)
+    read = moved.y[0] + noise * np.random.default_rng(3).normal(size=len(time))
+    return recording("driven", 0.01, {"drive [N]": steps}, {"position [m]": read})
+
+
+def test_noise_that_is_clearly_more_than_declared_counts() -> None:
+    noisy, (note,) = as_noisy_as_recorded(oscillator(), [_driven_with(3e-3)])
+    assert noisy.outputs[0].noise_rms == pytest.approx(3e-3, rel=0.05)
+    assert "position is read with 0.00" in note and "its sensor declares 0.001 m" in note
+    # About as much is as declared; what an input shakes from sample to sample may be motion.
+    shaken = np.random.default_rng(4).normal(size=4000)
+    for seen in (_driven_with(1.2e-3), _driven_with(3e-3, shaken)):
+        assert not as_noisy_as_recorded(oscillator(), [seen])[1]
 
 
 def test_a_parameter_without_bounds_goes_from_zero_to_ten_times_its_value() -> None:

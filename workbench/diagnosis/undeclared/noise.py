@@ -15,12 +15,22 @@ from workbench.diagnosis.estimation.windows import settled, windowed_run
 from workbench.errors import WorkbenchError
 from workbench.model import Input, Model, Output
 from workbench.model.units import from_si, of_difference, with_unit
-from workbench.recordings.checks.noise import all_white_rms, growing_rms, usual_rms, white_rms
+from workbench.recordings.checks.noise import (
+    all_white_rms,
+    growing_rms,
+    noise_of,
+    usual_rms,
+    white_rms,
+)
 from workbench.recordings.checks.quantisation import recorded_quantum
 from workbench.recordings.recording import Recording
 
 _COARSE = 2.0
 """Multiple of the declared noise and resolution beyond which a recorded step counts."""
+
+_NOISIER, _SMOOTH = 1.5, 0.02
+"""Recorded noise over the declared one from which on it counts; and what an input may change by
+from sample to sample, rms, over its deviation."""
 
 _ROUNDS = 3
 """Refits that look for the noise beside a model."""
@@ -62,6 +72,48 @@ def as_coarse_as_recorded(
         )
         rows.append({"recording": name, "check": "resolution", "result": "corrected", "note": note})
     return replace(model, outputs=tuple(outputs)), tuple(rows)
+
+
+def as_noisy_as_recorded(
+    model: Model, recordings: Sequence[Recording]
+) -> tuple[Model, tuple[str, ...]]:
+    """Take the noise of sensors that is clearly more than they declare from the data, and say so.
+
+    A filter that takes noise for motion moves parameters after it. Noise is what successive samples
+    do not share, as white at higher differences, where no input changes from sample to sample.
+    """
+    smooth = [r for r in recordings if all(_goes_on(r, q.name) for q in model.inputs)]
+    outputs, notes = [], []
+    for q in model.outputs:
+        declared = math.hypot(q.noise_rms, q.resolution / math.sqrt(12.0))
+        own = [r for r in smooth if q.name in r and r.valid(q.name).all()]
+        floors = [noise_of(r, q.name) for r in own] if declared else []
+        least = min((f.total_rms for f in floors), default=0.0)
+        plain = not (q.relative_noise_rms or q.correlated_noise_rms or model.traits.misread)
+        if (
+            not plain
+            or len(own) < len(recordings)
+            or any(f.upper_bound for f in floors)
+            or not least > _NOISIER * declared
+        ):
+            outputs.append(q)
+            continue
+        outputs.append(replace(q, noise_rms=least))
+        unit = of_difference(q.display_unit)
+        found, said = (with_unit(f"{from_si(rms, unit):.3g}", unit) for rms in (least, declared))
+        notes.append(
+            f"{q.name} is read with {found} rms of noise, where its sensor declares {said}"
+        )
+    return (replace(model, outputs=tuple(outputs)) if notes else model), tuple(notes)
+
+
+def _goes_on(recording: Recording, name: str) -> bool:
+    """Whether an input, if it was recorded, changes little from sample to sample but for steps."""
+    if name not in recording:
+        return True
+    values = recording[name][recording.valid(name)]
+    rms = usual_rms(values)
+    return not rms > _SMOOTH * float(np.std(values))
 
 
 def with_noise(model: Model, recordings: Sequence[Recording]) -> Model:

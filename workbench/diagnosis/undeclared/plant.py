@@ -10,7 +10,13 @@ import numpy as np
 
 from workbench.diagnosis.undeclared.disturbances import with_disturbances
 from workbench.diagnosis.undeclared.inputs import straight, wider
-from workbench.diagnosis.undeclared.noise import noise_text, unforetold, with_noise, with_noise_of
+from workbench.diagnosis.undeclared.noise import (
+    as_noisy_as_recorded,
+    noise_text,
+    unforetold,
+    with_noise,
+    with_noise_of,
+)
 from workbench.model import Model
 from workbench.model.own_units import InSI
 from workbench.model.traits import LEFT_OUT
@@ -32,15 +38,16 @@ def with_undeclared(
 ) -> tuple[Model, tuple[str, ...]]:
     """Take what a plant does not declare from its recordings, and say so.
 
-    The noise of a sensor comes from what successive samples do not share, its resolution from the
-    steps of the measurements. What the refitted model does not foretell is taken instead where it
-    is clearly less, as an input shakes the plant from sample to sample, or where it is white. Of a
-    plant that declares no disturbance at any port, a fraction of the signal along the recordings
-    may be left out at each port that acts on a rate (`LEFT_OUT`). Inputs of which it says nothing
-    go as far as they were recorded, and so do those that leave their range, unless the measurements
-    do not follow. What nobody sets, such as a wave or a wind, goes straight from sample to sample
-    where that is clearly likelier than that it is held. Integrators alone take their pace from how
-    long they were recorded.
+    The noise of a sensor comes from what successive samples do not share, its resolution from
+    the steps of the measurements; noise that is clearly more than declared counts too. What the
+    refitted model does not foretell is taken instead where it is clearly less, as an input
+    shakes the plant from sample to sample, or where it is white. Of a plant that declares no
+    disturbance at any port, a fraction of the signal along the recordings may be left out at
+    each port that acts on a rate (`LEFT_OUT`). Inputs of which it says nothing go as far as
+    they were recorded, and so do those that leave their range, unless the measurements do not
+    follow. What nobody sets, such as a wave or a wind, goes straight from sample to sample
+    where that is clearly likelier than that it is held. Integrators alone take their pace from
+    how long they were recorded.
 
     Args:
         read_too: Noise that measurements get through inputs of the model that are read with noise,
@@ -52,7 +59,8 @@ def with_undeclared(
     if shortest > 0.0:
         model = replace(model, traits=replace(model.traits, pace=_PACE * shortest))
     declared = model.sized_by(reached(model, recordings) | _ranged(model, recordings))
-    model = with_noise(declared, recordings)
+    model, noisier = as_noisy_as_recorded(declared, recordings)
+    declared, model = model, with_noise(model, recordings)
     told, sizes = with_disturbances(model, recordings)
     further = wider(told, recordings)
     if further is not told:
@@ -72,7 +80,7 @@ def with_undeclared(
         if noise:
             told, sizes = with_disturbances(with_noise_of(model, every | noise), recordings)
     read = {q.name: q for q in told.outputs}
-    notes = [*_unit_notes(model), *bounded]
+    notes = [*_unit_notes(model), *bounded, *noisier]
     notes += [f"{q.name} declares no noise_rms; {noise_text(read[q.name])}" for q in new]
     if sizes:
         notes.append(
