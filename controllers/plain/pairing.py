@@ -222,13 +222,7 @@ def interaction(loop: Loop) -> list[str]:
             f" {loop.measured[row]} by {-100.0 / most:.2g} % ties the outputs together at rest, so"
             " that no controller is better than the gains are known"
         )
-    late = {round(float(z.real), 12): z for z in zeros(loop) if z.real > 1e-6 * abs(z)}
-    said += [
-        f"a zero in the right half plane at {_rate(z)}: some combination of the outputs answers the"
-        f" wrong way first, and is no faster than about {abs(z) / 2.0:.3g} rad/s, whatever the"
-        " controller"
-        for z in sorted(late.values(), key=abs)
-    ]
+    said += wrong_way(loop)
     poles = loop.linear.poles
     rounded = 1e-9 * np.abs(poles).max(initial=0.0)
     # An integrator is zero but for what rounding leaves of it.
@@ -240,6 +234,24 @@ def interaction(loop: Loop) -> list[str]:
         for pole in sorted(growing.values(), key=abs)
     ]
     return said
+
+
+def wrong_way(loop: Loop) -> list[str]:
+    """Return what zeros in the right half plane, among the plant's poles, mean, a sentence each."""
+    late = {round(float(z.real), 12): z for z in zeros(loop) if z.real > 1e-6 * abs(z)}
+    fastest = float(np.abs(loop.linear.poles).max(initial=0.0))
+    single = len(loop.measured) == 1
+    what = loop.measured[0] if single else "some combination of the outputs"
+    return [
+        f"a zero in the right half plane at {_rate(z)}: {what} answers the wrong way first, and is"
+        f" no faster than about {abs(z) / 2.0:.3g} rad/s, whatever the controller"
+        for z in sorted(late.values(), key=abs)
+        if not single or abs(z) < _AMONG * fastest
+    ]
+
+
+_AMONG = 10.0
+"""Rate of a zero over the fastest pole from which on no loop is fast enough to meet it."""
 
 
 def _rate(s: complex) -> str:

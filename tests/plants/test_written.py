@@ -18,6 +18,7 @@ from tests.machines import at_rest
 from tests.shell import Shell
 from workbench.errors import WorkbenchError
 from workbench.linearisation import linear_model, linearise
+from workbench.linearisation.exact_delays import channels_of
 from workbench.linearisation.transfer import transfer_function
 from workbench.model.linear_system import with_free_coefficients
 from workbench.operating_point import operating_point
@@ -119,6 +120,25 @@ def test_a_column_of_a_distillation_has_rows_for_outputs() -> None:
         [6.6 * late(7, s) / (10.9 * s + 1), -19.4 * late(3, s) / (14.4 * s + 1)],
     ]
     np.testing.assert_allclose(answer(column, s), exact, atol=1e-5)
+
+
+def test_two_pools_of_a_canal_keep_their_delays(shell: Shell) -> None:
+    pools = "[exp(-180 s)/(4000 s), -1/(4000 s); 0, exp(-300 s)/(6000 s)]"
+    known = channels_of(linear_model(pools))
+    assert known is not None and sorted(known.stood_in) == pytest.approx([180.0, 300.0])
+    # What stands for a delay answers the wrong way first, which no pool does.
+    said = shell("linearise --plant", Path(pools)).out
+    assert "pairs of single loops: y_1 by u_1" in said and "the wrong way" not in said
+
+
+@pytest.mark.parametrize(
+    ("plant", "zero"),
+    [("exp(-5 s) (1 - 3 s)/((10 s + 1)(2 s + 1))", "0.333"), ("exp(-5 s)/(10 s + 1)", "")],
+)
+def test_a_zero_in_the_right_half_plane_is_told(plant: str, zero: str, shell: Shell) -> None:
+    said = shell("linearise --plant", Path(plant)).out
+    assert (f"a zero in the right half plane at {zero} rad/s: y" in said) == bool(zero)
+    assert ("wrong way" in said) == bool(zero)
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ def linearise(
     """Trim a plant and print its linear model: modes, and how far to trust it.
 
     Of several commands and outputs that they hold independently, relative gains, pairs of single
-    loops, ill conditioning and zeros in the right half plane too.
+    loops and ill conditioning too, and zeros in the right half plane.
 
     Examples: 'workbench linearise --angle 30deg --load 3kg --mean-pressure 3bar --verdict',
     'workbench linearise --plant my_plants:circuit --at voltage=2V'.
@@ -78,9 +78,12 @@ def _matlab(content: Mapping[str, Any]) -> bytes:
 
 
 def _interaction(linear: LinearModel, commands: Sequence[str]) -> list[str]:
-    """Return what outputs that several commands hold independently mean to each other."""
+    """Return what outputs that commands hold independently mean to each other, or do at first."""
     from controllers.plain.loop import held_outputs, loop_of
-    from controllers.plain.pairing import interaction
+    from controllers.plain.pairing import interaction, wrong_way
 
     followed = held_outputs(linear, commands) if set(commands) <= set(linear.input_names) else ()
-    return interaction(loop_of(linear, followed)) if len(followed) > 1 else []
+    if not followed:
+        return []
+    loop = loop_of(linear, followed)
+    return interaction(loop) if len(followed) > 1 else wrong_way(loop)

@@ -382,12 +382,16 @@ def late_system(rows: Sequence[Sequence[Sequence[Late]]], what: str) -> Any:
             assert whole is not None
             entries.append(whole)
         table.append(_block(entries, stacked=False))
-    whole = _growing_once(_block(table, stacked=True))
-    found = ct.ss(*in_series(whole, late_by(common)), name="linear system")
-    found.late = any(
+    apart = any(
         term.delay > least
         for row in rows for entry, least in zip(row, common, strict=True) for term in entry
     )  # fmt: skip
+    whole = _block(table, stacked=True)
+    # Among delays, integrators may stand there twice, lest these be no longer seen as such.
+    if not apart or np.linalg.eigvals(whole[0]).real.max() > _SAME_POLE * np.abs(whole[0]).max():
+        whole = _growing_once(whole)
+    found = ct.ss(*in_series(whole, late_by(common)), name="linear system")
+    found.late = apart
     found.passing = len(late_by(common)[0])
     found.delays = np.array([[max(t.delay for t in entry) for entry in row] for row in rows])
     return found

@@ -20,7 +20,7 @@ import numpy as np
 from controllers.design import DESIGNS, designs_for
 from controllers.plain.limits import of_whole_samples
 from controllers.plain.loop import loop_of
-from controllers.plain.pairing import interaction
+from controllers.plain.pairing import interaction, wrong_way
 from controllers.plain.plain_law import PlainLaw
 from controllers.plain.selection import settled_after
 from controllers.sensitivity import stirred
@@ -410,8 +410,9 @@ class StepTrial:
             )
         if other and any(made.specification == told for made in found):
             self.say(f"a single loop commands {other}, which acts most on {followed[0]}")
-        if len(followed) > 1 and any(made.specification == told for made in found):
-            for sentence in interaction(loop_of(linear, followed, other)):
+        if any(made.specification == told for made in found):
+            loop = loop_of(linear, followed, other)
+            for sentence in interaction(loop) if len(followed) > 1 else wrong_way(loop):
                 self.say(sentence)
         return found
 
