@@ -87,7 +87,7 @@ def simulate(
     step, length = time("sample time", sample_time, 1e-3), time("duration", duration, 4.0)
     if sample_time is None and length > 0.0:
         # A slow mode, or a rest that is far from where it starts, is no reason to refuse a time.
-        step = min(step, length / _LEAST_SAMPLES)
+        step = length / max(_LEAST_SAMPLES, math.ceil(length / step - 1e-9))
     step = check_range("sample time", step, *TIMES_S, "s")
     check_range("duration", length, 2 * step, 1e6 * step, "s")
     driven = _with_pulses(chosen, pulses, lambda: time("period", period, 2.0), length)
