@@ -87,9 +87,11 @@ def _pace(limits: LoopLimits, law: Any, i: int) -> tuple[float, float, float]:
         return FREE
     if not isinstance(law, PlainLaw):
         # Of those that solve something, most need no pace.
-        free = _paced(limits, law, i, size, paces[:1])
-        if np.all(free[1] < 1.1):
+        _, penalty, left = _paced(limits, law, i, size, paces[:1])[:, 0]
+        if np.all(penalty < 1.1):
             return FREE
+        # What is only slow, at the ends of commands, no pace makes any faster.
+        size = size[(left < SETTLED) | (penalty >= 1.1)]
     found = _paced(limits, law, i, size, paces)
     even, braked = (np.isfinite(paces[:, k]) for k in range(2))
     if even.any() and braked.any():
@@ -175,12 +177,15 @@ def _large(limits: LoopLimits, law: Any, i: int) -> tuple[Vector, Matrix]:
 
 def _cost(found: Matrix) -> Vector:
     """Return what steps come to, as of `_paced`, overshoots by their third power."""
-    errors, penalty = found
+    errors, penalty, _ = found
     return np.asarray(np.sum(errors / errors.min(axis=0) * penalty**3, axis=1))
 
 
 def _paced(limits: LoopLimits, law: Any, i: int, size: Vector, paces: Matrix) -> Matrix:
-    """Return errors of steps in samples squared and penalties for too much, by pace and size."""
+    """Return errors of steps in samples squared, penalties for too much, and what is left.
+
+    That is in the end, as a fraction of the step; all by pace and size, shape (3, n, n_sizes).
+    """
     step, pace = np.tile(size, len(paces)), np.repeat(paces.T, len(size), axis=1)
     run = _run if isinstance(law, PlainLaw) else _solved
     with np.errstate(over="ignore", invalid="ignore"):
@@ -193,7 +198,8 @@ def _paced(limits: LoopLimits, law: Any, i: int, size: Vector, paces: Matrix) ->
     over = np.maximum(away[:, i].max(axis=0) - limits.want.overshoot, 0.0)
     moved = np.where(own[:, None], 0.0, counted).max(axis=(0, 1))
     penalty = (1.0 + OVERSHOT * over) * (1.0 + moved)
-    return np.array([errors, penalty]).reshape(2, len(paces), -1)
+    left = np.abs(away[-1, i])
+    return np.array([errors, penalty, left]).reshape(3, len(paces), -1)
 
 
 MOST_SAMPLES = 2000, 20000

@@ -39,6 +39,10 @@ _ATTEMPTS, _AS_OUTLIERS, _STEADY = 4, 3, 0.03
 """Dampings that are tried, also of a step that weighs outliers as they cost, which no longer goes
 too far; and the damping that this one begins with, dimensionless."""
 
+_HELD = 0.1
+"""What a step must promise that holds parameters on bounds which they would leave at first, over the
+best within them."""
+
 Progress = Callable[[str], None]
 Evaluate = Callable[[Vector], tuple[list[Innovations], float]]
 
@@ -230,13 +234,27 @@ class _Problem:
         damped = hessian + damping * np.diag(np.diag(hessian))
         low = (self._lower - values) / self._scale
         high = (self._upper - values) / self._scale
-        step = np.linalg.solve(damped, -gradient)
-        if np.any((step < low) | (step > high)):
+
+        def promised(step: Vector) -> float:
+            return -float(gradient @ step + 0.5 * step @ hessian @ step)
+
+        # What would leave its bounds is put on them, and the rest solved again.
+        free, step = np.ones(len(values), dtype=bool), np.zeros(len(values))
+        for _ in range(len(values) + 1):
+            right = -gradient[free] - damped[np.ix_(free, ~free)] @ step[~free]
+            step[free] = np.linalg.solve(damped[np.ix_(free, free)], right)
+            out = free & ((step < low) | (step > high))
+            if not out.any():
+                break
+            step[out] = np.clip(step[out], low[out], high[out])
+            free &= ~out
+        if not free.all():
             from scipy.optimize import lsq_linear
 
-            # The best within the bounds; one that is merely cut off there may lead uphill.
+            # That may lead uphill, which the best step within the bounds never does.
             factor = np.linalg.cholesky(damped)
             aim = -np.linalg.solve(factor, gradient)
-            step = lsq_linear(factor.T, aim, (low, high), method="bvls").x
+            best = lsq_linear(factor.T, aim, (low, high), method="bvls").x
+            step = step if promised(step) > _HELD * promised(best) else best
         trial = np.clip(values + step * self._scale, self._lower, self._upper)
-        return trial, -float(gradient @ step + 0.5 * step @ hessian @ step)
+        return trial, promised(step)
