@@ -40,8 +40,8 @@ _ATTEMPTS, _AS_OUTLIERS, _STEADY = 4, 3, 0.03
 too far; and the damping that this one begins with, dimensionless."""
 
 _HELD = 0.1
-"""What a step must promise that holds parameters on bounds which they would leave at first, over the
-best within them."""
+"""What a step must promise that holds parameters on the bounds which they would leave at first,
+over the best within them."""
 
 Progress = Callable[[str], None]
 Evaluate = Callable[[Vector], tuple[list[Innovations], float]]
