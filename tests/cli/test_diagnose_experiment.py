@@ -67,6 +67,7 @@ def given(diagnosed_already: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]
     return ["diagnose", *plant, "--fit", "1.csv", "--hold-out", "2.csv", "--out", "out"]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
 def test_the_next_input_is_written_and_played(
     given: list[str], diagnosed_already: Path, shell: Shell

@@ -99,6 +99,7 @@ def test_a_step_that_nobody_sized_is_one_that_the_plant_can_hold(
     assert abs(found["metrics"]["steady_error"]["value"]) < 0.1
 
 
+@pytest.mark.long
 def test_commands_that_are_late_are_reckoned_with(
     folder: Path, shell: Shell, refused: Refused
 ) -> None:

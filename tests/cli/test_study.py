@@ -105,6 +105,7 @@ def test_wrong_use(name: str, here: Path, refused: Refused) -> None:
     assert not (here / "out").exists() and not (here / "b.json").exists()
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
 def test_a_baseline_of_another_study_is_not_overwritten(
     tmp_path: Path, shell: Shell, refused: Refused

@@ -277,6 +277,7 @@ def test_an_event_at_other_times_in_two_fitted_recordings_is_sharp() -> None:
     assert said in named(found, "gain_jump_part_command", noise=1.3, **sizes).sentence
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("both", [False, True])
 def test_a_stop_that_nobody_modelled_is_named(both: bool) -> None:
 

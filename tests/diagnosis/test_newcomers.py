@@ -72,6 +72,7 @@ from workbench.physics.survey import Survey
 from workbench.recordings.recording import Recording, Signal
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scale", [pytest.param(0.01, marks=pytest.mark.long), 100.0])
 def test_a_hardening_spring_is_named_whatever_the_guess_of_the_scale(scale: float) -> None:
     # The truth is 40 N/m3; its interval counts the noise of the measurements only.
@@ -91,6 +92,7 @@ def test_a_force_that_nobody_reads_gets_no_name() -> None:
     assert verdict.findings[0].where == ("mass.force",) and not verdict.findings[0].effect
 
 
+@pytest.mark.long
 def test_silence_where_only_parameters_were_wrong() -> None:
     runs = oscillations(lambda x, v: -30.0 * x - 0.6 * v)
     # The wrong guess of the scale is that of the hardening spring: its functions are built already.
@@ -257,6 +259,7 @@ def test_states_beyond_the_range_of_the_equations_ask_for_no_steps() -> None:
     assert all_states == usual and usual.number == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("gear", [pytest.param(1.0, marks=pytest.mark.long), 4.0])
 def test_the_backlash_of_a_coupling_is_found_between_two_bodies(gear: float) -> None:
     runs = [turned(seed, gear=gear, play=0.01) for seed in (1, 2)]
@@ -525,6 +528,7 @@ def test_a_curve_over_what_it_multiplies_is_that_of_a_plain_sum() -> None:
     assert lateral == approx((front + rear) / 1500.0, rel=1e-12)
 
 
+@pytest.mark.long
 def test_one_side_of_a_command_is_weaker_before_an_actuator_that_saturates() -> None:
     def equations(m: Scope) -> dict[str, Any]:
         driven = m.p.gain * ca.tanh(m.u.command / 4.0)
@@ -590,6 +594,7 @@ def test_a_control_valve_that_sticks_is_told_with_its_band() -> None:
     assert "band 0.03" in finding.sentence
 
 
+@pytest.mark.long
 def test_what_flows_in_a_pipe_is_slowed_as_a_body_is() -> None:
     runs = [pumped(seed, turbulent=1.3e8) for seed in (1, 2)]
     found = diagnosed(pipeline(), runs, "quadratic_drag offset gain sensor_offset")
@@ -605,6 +610,7 @@ def test_a_store_that_no_input_fills_may_spring_a_leak() -> None:
     assert named(found, "*", amount=approx(-1e4, rel=0.03)).where == ("pressure.rate",)
 
 
+@pytest.mark.long
 def test_a_sensor_whose_curve_bends_is_no_spring_that_hardens() -> None:
     runs = []
     for seed in (1, 2):
@@ -674,6 +680,7 @@ def _charged_twice(seed: int) -> Recording:
     return recording(f"charge {seed}", 1.0, {"current [A]": amps}, {"terminal [V]": read})
 
 
+@pytest.mark.long
 def test_a_parameter_may_change_over_what_an_output_reads_beside_an_input() -> None:
     capacitor = machine(
         lambda m: (
@@ -1394,6 +1401,7 @@ def _pulled(seed: int) -> Recording:
     return recording(f"run {seed}", 0.02, {"pull [N]": pull}, {"speed [m/s]": speed + noise})
 
 
+@pytest.mark.long
 def test_a_gain_that_another_mass_would_do_too_is_a_class_with_it() -> None:
     sledge = machine(
         lambda m: {"speed": (m.u.pull - m.p.film * m.x.speed) / m.p.mass},

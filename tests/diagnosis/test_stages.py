@@ -123,6 +123,7 @@ def test_what_other_code_reached_is_not_read(monkeypatch: pytest.MonkeyPatch) ->
     digest_of_code.cache_clear()
 
 
+@pytest.mark.long
 def test_a_file_that_cannot_be_read_is_done_again(tmp_path: Path) -> None:
     first = _diagnosed(tmp_path)
     (tmp_path / "stages" / "fitted.json").write_text('{"format": "workbench.stage/2"')

@@ -440,6 +440,7 @@ def test_a_second_search_tries_its_ports_and_what_was_followed_and_ends_where_it
     assert not View(_cell(), found=reached(1.0)).ends(reached(2.0))
 
 
+@pytest.mark.long
 def test_an_error_where_the_author_opened_no_port_is_found_there(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

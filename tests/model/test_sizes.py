@@ -180,7 +180,9 @@ def rates_of_laws(t: float, x: float, v: float, shape: str) -> dict[str, list[fl
     return found
 
 
-@pytest.mark.parametrize("shape", ["usual", "first", "last"])
+@pytest.mark.parametrize(
+    "shape", ["usual", *(pytest.param(s, marks=pytest.mark.long) for s in ("first", "last"))]
+)
 @pytest.mark.parametrize(("pace", "length", "voltage"), UNITS)
 def test_every_law_of_the_library_follows_the_units(
     pace: float, length: float, voltage: float, shape: str

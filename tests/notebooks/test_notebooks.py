@@ -18,8 +18,9 @@ from workbench.data_folder import shipped_folder
 
 FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
 PATHS = sorted(FOLDER.glob("*.ipynb"))
-# Two are diagnoses by the whole library; without its data one of them is run too.
-LONG = re.compile("real_machine|does_not_match")
+# Three are diagnoses by the whole library, and two design MPCs or run a study; without its data one
+# is run too.
+LONG = re.compile("real_machine|does_not_match|own_plant|design_an_mpc|compare_and_decide")
 RUN = [pytest.param(p, marks=pytest.mark.long) if LONG.search(p.stem) else p for p in PATHS]
 PICTURES = {"image/png", "image/svg+xml"}
 

@@ -44,6 +44,7 @@ def test_the_shipped_study_meets_its_requirements_and_its_baseline(tmp_path: Pat
     assert all(j.met for j in judge_records(study, records) if j.hard)
 
 
+@pytest.mark.long
 @pytest.mark.system
 def test_without_a_compiler_the_numbers_are_the_same_within_tolerances() -> None:
     done = subprocess.run(

@@ -180,7 +180,8 @@ def stages(
                     say(f"{why}: the first search stands")
                     break
             assert again is not None
-            before.append((model, view, again))
+            if again.concluded is not None:
+                before.append((model, view, again))
         return view, again, again.concluded is not None and view.better(again, found)
 
     before: list[tuple[Model, View, Diagnosis]] = []

@@ -295,6 +295,7 @@ def test_what_a_pump_moves_between_two_vessels_is_no_more_than_they_hold(name: s
     assert np.abs(seen[-100:] - 1.0).max() < 0.01
 
 
+@pytest.mark.long
 def test_a_slow_plant_whose_sensor_is_lost_in_a_move_is_stopped_and_not_let_go() -> None:
     sledge = machine(
         lambda m: ({"x": m.x.v, "v": m.u.a}, {"y": m.x.x}),
@@ -890,6 +891,7 @@ def test_an_mpc_trusts_what_stands_for_a_delay_no_further_than_it_is_one() -> No
     assert metrics(run)["overshoot"].value < 0.06
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "long"), [("lqi", 5.0), ("plain-mpc", 7.0)])
 def test_a_delay_alone_needs_no_filter(
     name: str, long: float, capfd: pytest.CaptureFixture[str]

@@ -66,6 +66,7 @@ def test_a_pendulum_on_a_cart_is_held_by_both_its_sensors(
     agrees_on(run, law, tmp_path, 1e-11)
 
 
+@pytest.mark.long
 def test_what_the_followed_output_shows_well_enough_needs_no_other_sensor() -> None:
     A, B = np.array([[0.0, 1.0], [0.0, -2.0]]), np.array([[0.0], [1.0]])
     both, one = (
@@ -200,6 +201,7 @@ def test_what_is_read_otherwise_than_the_model_shows_it_leads_no_speed_astray(na
     assert found["settling_time"] < (0.1 if name == "lqi" else 0.25)
 
 
+@pytest.mark.long
 def test_noise_keeps_no_loop_from_holding_what_grows() -> None:
     # A bicycle, balanced by its steering.
     bicycle = machine(

@@ -83,6 +83,7 @@ def law_of(linear: LinearModel) -> Callable[[str], Any]:
     return cache(lambda name: designed(name, linear))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", FAMILIES)
 def test_each_output_follows_and_leaves_the_other(
     name: str, linear: LinearModel, law_of: Callable[[str], Any], tmp_path: Path
@@ -202,6 +203,7 @@ def test_no_pairing_is_refused_and_a_decoupler_is_not() -> None:
     assert np.abs(run.outputs[-1] - [1.0, 0.0, 0.0]).max() < 0.01
 
 
+@pytest.mark.long
 def test_pids_of_joints_whose_inertia_couples_fast_are_decoupled_or_slow() -> None:
     # A planar arm of two links: damping alone couples nothing at rest, the inertia does fast.
     inertia, damping = np.array([[0.6, 0.2], [0.2, 0.1]]), np.diag([0.9, 0.25])
@@ -282,6 +284,7 @@ def test_least_gain_is_that_of_the_best_units() -> None:
         assert least_gain(np.array(pools)) == pytest.approx(0.5, rel=1e-3)
 
 
+@pytest.mark.long
 def test_pids_that_are_stable_together_alone() -> None:
     # A beam over two magnets: each one alone lets the other end fall.
     A = np.zeros((4, 4))

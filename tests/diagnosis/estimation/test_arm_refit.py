@@ -102,6 +102,7 @@ def test_volumes_and_conductances_cannot_be_told_apart(rig_case: Path) -> None:
     assert "valve_conductance" in named[0]
 
 
+@pytest.mark.long
 @pytest.mark.system
 @pytest.mark.parametrize(
     "number", [2, *(pytest.param(n, marks=pytest.mark.long) for n in (1, 3, 4, 5, 6))]

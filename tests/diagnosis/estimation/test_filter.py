@@ -117,6 +117,7 @@ def _through(away: Any, m: ModuleType) -> Any:
     return where(m.fabs(away) < bend, away / bend**0.5, root)
 
 
+@pytest.mark.long
 def test_a_narrow_tube_far_faster_than_the_finest_step_settles_and_is_cheap() -> None:
     # Runge-Kutta steps of 0.3 ms grow up to where the root is flat, and never come back to rest.
     def rates(m: ModuleType, tube: Any, chamber: Any, drive: Any) -> list[Any]:

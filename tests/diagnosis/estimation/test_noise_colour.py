@@ -141,6 +141,7 @@ def test_the_likelihood_is_that_of_the_joint_distribution(
     assert run.cost + scales == pytest.approx(cost, rel=1e-6)
 
 
+@pytest.mark.long
 def test_a_right_model_beside_correlated_noise_lacks_nothing() -> None:
     verdict = _diagnosed(0.0, "coulomb_friction", "sensor_lag", "quadratic_drag")
     assert verdict.kind == "nothing_missing"

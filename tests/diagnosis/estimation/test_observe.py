@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from tests.diagnosis.newcomers import oscillator, recorded
 from workbench.diagnosis.estimation.observe import observe
@@ -21,6 +22,7 @@ def _driven(seed: int, noise: float = 0.0) -> Recording:
     return recorded(1.0, lambda x, v: -25.0 * x - 0.6 * v, drive, 0.01, noise, seed=seed)
 
 
+@pytest.mark.long
 def test_intervals_hold_the_truth_where_a_scale_repeats_its_rounding() -> None:
     plain = oscillator(left_out=1e-3)
     coarse = replace(plain, outputs=(replace(plain.outputs[0], noise_rms=0.0, resolution=STEP),))

@@ -69,6 +69,7 @@ def test_a_heat_that_nobody_reads_is_located_beside_right_parameters() -> None:
         assert values[name] == pytest.approx(TRUE[name], rel=0.05)
 
 
+@pytest.mark.long
 def test_a_curve_without_a_name_is_looked_for_where_all_is_missing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -106,6 +106,7 @@ def test_the_groups_of_the_arm() -> None:
     assert "joint.torque" in str(found)
 
 
+@pytest.mark.long
 def test_sensors_that_split_the_groups_of_the_arm() -> None:
     found = isolability(arm(load_kg=3), outputs=READ)
     by_force = {s.text: s for s in found.sensors_that_split(["joint.torque"])}

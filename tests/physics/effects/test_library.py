@@ -80,7 +80,9 @@ def offered(plant: str) -> tuple[Hypothesis, ...]:
     return library(model, RecordedFacts(episode=(10.0 * model.horizon, 20.0 * model.horizon)))
 
 
-@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize(
+    "plant", [pytest.param(p, marks=pytest.mark.long) if p == "arm" else p for p in PLANTS]
+)
 def test_entries_are_well_behaved(plant: str) -> None:
     of_the_arm = {entry.name for entry in offered("arm")}
     for entry in offered(plant):

@@ -28,9 +28,9 @@ from workbench.recordings.recording import Recording
 _COARSE = 2.0
 """Multiple of the declared noise and resolution beyond which a recorded step counts."""
 
-_NOISIER, _SMOOTH = 1.5, 0.02
-"""Recorded noise over the declared one from which on it counts; and what an input may change by
-from sample to sample, rms, over its deviation."""
+_NOISIER, _SMOOTH, _SELDOM = 1.5, 0.02, 0.05
+"""Recorded noise over the declared one from which on it counts; what an input may change by from
+sample to sample, over its deviation, and the part of the samples at which it may by more."""
 
 _ROUNDS = 3
 """Refits that look for the noise beside a model."""
@@ -88,12 +88,14 @@ def as_noisy_as_recorded(
         declared = math.hypot(q.noise_rms, q.resolution / math.sqrt(12.0))
         own = [r for r in smooth if q.name in r and r.valid(q.name).all()]
         floors = [noise_of(r, q.name) for r in own] if declared else []
-        least = min((f.total_rms for f in floors), default=0.0)
+        # What steps with an input counts in most blocks, but at few differences.
+        usual = [rms for r in own if not math.isnan(rms := usual_rms(r[q.name]))]
+        least = min([*(f.noise_rms for f in floors), *usual]) if floors else 0.0
         plain = not (q.relative_noise_rms or q.correlated_noise_rms or model.traits.misread)
         if (
             not plain
             or len(own) < len(recordings)
-            or any(f.upper_bound for f in floors)
+            or any(f.upper_bound or not f.noise_rms > f.step for f in floors)
             or not least > _NOISIER * declared
         ):
             outputs.append(q)
@@ -108,12 +110,12 @@ def as_noisy_as_recorded(
 
 
 def _goes_on(recording: Recording, name: str) -> bool:
-    """Whether an input, if it was recorded, changes little from sample to sample but for steps."""
+    """Whether an input, if it was recorded, changes seldom or little from sample to sample."""
     if name not in recording:
         return True
     values = recording[name][recording.valid(name)]
-    rms = usual_rms(values)
-    return not rms > _SMOOTH * float(np.std(values))
+    steps = np.abs(np.diff(values)) > _SMOOTH * np.std(values)
+    return bool(np.mean(steps) < _SELDOM) if len(steps) else True
 
 
 def with_noise(model: Model, recordings: Sequence[Recording]) -> Model:
