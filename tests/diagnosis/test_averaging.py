@@ -63,6 +63,7 @@ def test_means_of_rows_have_less_noise_and_leave_out_where_the_input_jumps() -> 
     assert all(np.min(np.abs(jumps - k)) < 30 for k in lost)
 
 
+@pytest.mark.long
 def test_a_refit_on_means_is_as_sure_and_as_right(tmp_path: Path) -> None:
     for r in LONG:
         columns = {"t [s]": r.time, "heater [W]": r["heater"], "warmth [K]": r["warmth"]}

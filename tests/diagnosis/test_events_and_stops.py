@@ -479,6 +479,7 @@ def test_what_repeats_with_each_turn_is_named_wherever_a_recording_begins() -> N
     assert finding.parameters["stride"].unit == "m"
 
 
+@pytest.mark.long
 def test_what_is_left_beside_one_episode_is_told_with_its_time() -> None:
     axis = servo_axis()
     (pulse,) = (

@@ -52,6 +52,7 @@ def _refused(verdict: Verdict) -> dict[str, str]:
     return {str(row["effect"]): str(row["reason"]) for row in verdict.refused}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("law", [_raises, _diverges])
 def test_a_law_of_the_users_that_fails_is_a_line(law: Callable[[PortView], Expression]) -> None:
     verdict = _diagnosed(_law("mine", law))
@@ -85,6 +86,7 @@ def _never(*_: Any, **__: Any) -> Any:
     raise NumericalError("the filter left the finite numbers")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("module", "name"),
     [

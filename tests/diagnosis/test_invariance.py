@@ -134,6 +134,7 @@ def test_intervals_of_the_nominal_model_do_not_depend_on_units(
     assert fits[0].inflations == approx(fits[1].inflations, rel=1e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("metre", "second"), [(1.0, 1.0), (1e-3, 1e-4)])
 def test_a_cart_without_a_time_of_its_own_lacks_nothing_however_quick(
     metre: float, second: float

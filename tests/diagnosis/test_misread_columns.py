@@ -71,6 +71,7 @@ def exchanged(trial: Recording, one: str, other: str) -> Recording:
     return changed.with_signal(replace(second, values=first.values))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("made", "columns", "unit", "factor"),
     [(room, ("outside", "inside"), "min", 60.0), (circuit, ("source", "drop"), "ms", 1e-3)],

@@ -147,6 +147,7 @@ def test_what_forgets_its_start_within_a_recording_does_not_drift() -> None:
     assert simulated(oscillator(), levels(100, 1, 30.0, 20, 80), sample_time=0.02).drifts
 
 
+@pytest.mark.long
 def test_a_plant_that_is_unstable_without_its_controller_is_refitted_and_judged() -> None:
     runs = levitation(1), levitation(2)
     model, notes = with_undeclared(maglev(), runs)
@@ -212,6 +213,7 @@ def test_windows_whose_filter_gives_up_are_a_run_that_failed() -> None:
     assert run.simulated.shape == seen.outputs.shape and run.rmse["gap"] == np.inf
 
 
+@pytest.mark.long
 def test_a_decay_that_nothing_drives_is_diagnosed() -> None:
     runs = [swinging_out(1.2), swinging_out(0.8)]
     found = diagnosed(swing(), runs, "coulomb_friction quadratic_drag cubic_stiffness")
@@ -287,6 +289,7 @@ def test_what_changes_at_a_time_is_followed_to_its_instant() -> None:
     named(found, "parameter_jump_contact", **sizes)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("most", [np.inf, 3.0])
 def test_the_data_say_whether_an_input_is_clipped_to_its_range(most: float) -> None:
     run = guided(1, most=most)
@@ -366,6 +369,7 @@ def test_iron_that_saturates_is_a_parameter_that_changes_with_the_current() -> N
     assert finding.parameters["amount"].value < 0.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("width", [1.2, 0.3])
 def test_a_curve_that_is_an_s_is_refitted_to_its_shape(width: float) -> None:
     """A core that holds its inductance up to some current and loses most of it soon after."""
@@ -391,6 +395,7 @@ def test_a_curve_that_is_an_s_is_refitted_to_its_shape(width: float) -> None:
     assert verdict.fit["extended"]["i"] < 1.4 * verdict.fit["noise_floor"]["i"]
 
 
+@pytest.mark.long
 def test_a_friction_of_what_turns_one_way_cannot_be_told_from_a_torque(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -643,6 +643,7 @@ def test_systems_of_python_control_and_scipy_are_taken_wherever_a_linear_model_i
         design_pid(plant)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not has_slycot(), reason="needs slycot")
 def test_an_h_infinity_loop_shows_a_reference_no_tail_of_what_it_does_about_loads() -> None:
     # The water of a boiler's drum: it integrates, and swells the wrong way first.
@@ -694,6 +695,7 @@ def test_a_reference_is_not_held_back_for_steps_that_nobody_takes() -> None:
     assert settled_after(law, linear, {"way": 0.15}) < 4.0
 
 
+@pytest.mark.long
 def test_an_mpc_asks_for_as_much_of_the_command_as_a_rubbing_axis_takes() -> None:
     law = designed("plain-mpc", at_rest(servo_axis()))
     found = stepped(law, servo_axis(), "position", 0.0, 3.0, unit="mm", hold=2.0)
@@ -884,6 +886,7 @@ def test_what_is_over_within_a_sample_is_left_out(name: str) -> None:
     assert metrics(run)["settling_time"].value < 40.0 * h
 
 
+@pytest.mark.long
 def test_an_mpc_trusts_what_stands_for_a_delay_no_further_than_it_is_one() -> None:
     linear, h = linear_model("exp(-20 s)/(30 s + 1)"), 0.2
     law = designed("plain-mpc", linear, sample_time=h)

@@ -115,6 +115,7 @@ def test_a_cart_with_a_heavy_brake_is_held_by_an_h_infinity_controller_of_few_vo
     assert worst < 1.8 and settled_after(law, linear, {"cart": 0.1}) < 15.0
 
 
+@pytest.mark.long
 def test_a_plant_that_grows_sooner_than_its_commands_act_is_said() -> None:
     linear = linear_model("1 / (s - 5)", limits={"u": (-2.0, 2.0)})
     for name in ("lqi", "plain-mpc", "plain-pid", "plain-sliding-mode"):
@@ -145,6 +146,7 @@ def test_a_loop_with_next_to_no_margins_is_said(gain: float, said: str) -> None:
     assert found.startswith(said) and bool(found) == bool(said)
 
 
+@pytest.mark.long
 def test_what_makes_a_much_better_loop_is_read_too() -> None:
     # A buck converter with a load of constant power; the current tells where the voltage goes.
     inductance, capacity = 1e-4, 4.7e-4

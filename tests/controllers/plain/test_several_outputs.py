@@ -140,6 +140,7 @@ def test_units_change_no_loop(name: str) -> None:
     np.testing.assert_allclose(found[1], found[0], rtol=2e-3, atol=2e-3 * np.abs(found[0]).max())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", MPC_LONG)
 def test_a_pump_at_its_end_keeps_the_other_tank_from_nothing(name: str) -> None:
     A, B = np.diag([-0.1, -0.1]), np.array([[0.1, 0.01], [0.02, 0.1]])
@@ -190,6 +191,7 @@ def step_both(linear: LinearModel, size: float) -> Any:
     return replace(one, references={**one.references, **two.references})
 
 
+@pytest.mark.long
 def test_no_pairing_is_refused_and_a_decoupler_is_not() -> None:
     # A known plant of three without a pairing whose relative gains are positive.
     G = np.array([[1.0, 1.0, -0.1], [0.1, 2.0, -1.0], [-2.0, -3.0, 1.0]])
@@ -399,6 +401,7 @@ def test_what_grows_out_of_reach_or_out_of_sight_is_said(
         designed(name, system, sample_time=0.1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", MPC_LONG)
 def test_what_one_of_more_commands_cannot_give_the_others_do(name: str, tmp_path: Path) -> None:
     A = np.array([[-0.2, 0.05, 0.0], [0.02, -0.1, 0.0], [0.1, 0.0, -1.0]])
@@ -466,6 +469,7 @@ def airliner() -> LinearModel:
     return linear_model(system, limits={"ail": (-0.4, 0.4), "rud": (-0.3, 0.3)})
 
 
+@pytest.mark.long
 def test_an_output_may_be_much_faster_than_another() -> None:
     law = designed("lqi", airliner(), measured="y_0, y_1", sample_time=0.05)
     assert settled_after(law, airliner(), {"y_0": 1.0}) < 100.0

@@ -68,6 +68,7 @@ def test_what_runs_away_from_its_references_is_not_offered() -> None:
     assert not any("follow" in text for text in texts), texts
 
 
+@pytest.mark.long
 def test_the_menu_of_the_arm_stays_within_its_range() -> None:
     plant = arm(load_kg=3)
     volts = 5.0 + 0.02 * pushes(1500, largest=30.0, hold=150)

@@ -58,6 +58,7 @@ def _runs() -> list[Recording]:
     return runs
 
 
+@pytest.mark.long
 def test_a_heat_that_nobody_reads_is_located_beside_right_parameters() -> None:
     model, runs = _barrel(sheared=False), _runs()
     few = [e for e in library(model) if e.law == "overflow"]

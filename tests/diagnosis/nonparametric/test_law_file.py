@@ -50,6 +50,7 @@ def test_the_curve_has_the_shape_of_the_spring_that_is_hidden() -> None:
     assert isinstance(verdict, Verdict) and "shape of linear spring" in verdict.sentence
 
 
+@pytest.mark.long
 def test_the_law_of_a_file_is_found_and_named(tmp_path: Path) -> None:
     axis, fit_on, hold_out, options = sprung_runs()
     (tmp_path / "law_of_spring.py").write_text(law_file(_term(), "axis"))
