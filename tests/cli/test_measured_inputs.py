@@ -89,6 +89,7 @@ def test_plants_says_what_is_only_measured(folder: Path, shell: Shell, refused: 
     refused("verify --plant boilers:boiler --feed 300K")
 
 
+@pytest.mark.long
 def test_a_step_that_nobody_sized_is_one_that_the_plant_can_hold(
     folder: Path, shell: Shell
 ) -> None:

@@ -488,6 +488,7 @@ def test_a_step_is_more_than_the_noise_of_its_sensor(balls: None, shell: Shell) 
     assert found["metrics"]["settling_time"]["value"] < 3.0
 
 
+@pytest.mark.long
 def test_a_step_that_noise_drowns_is_told(balls: None, shell: Shell) -> None:
     step = "verify --plant balls:ball -c plain-pid --json --from 0cm --to"
     told = "noise of the sensors moves ball by so much of its step, rms, that it may not settle"
@@ -505,6 +506,7 @@ def test_a_step_that_takes_longer_than_it_lasts_is_told(balls: None, shell: Shel
     assert "step less far" not in shell(f"verify {plant}").err
 
 
+@pytest.mark.long
 def test_a_plant_that_rests_with_nothing_on_is_told(balls: None, shell: Shell) -> None:
     step, told = (
         "verify --plant balls:kettle -c plain-pid",

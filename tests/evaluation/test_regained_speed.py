@@ -43,6 +43,7 @@ def test_a_line_of_a_third_of_the_valve_leaves_a_third_of_the_flow() -> None:
     assert flow_share(nominal, nominal, ARM) == pytest.approx(1.0)
 
 
+@pytest.mark.long
 def test_the_rules_of_a_redesign_are_those_of_the_nominal_designs() -> None:
     recipe = nominal_recipe("cascade PID", late())
     assert recipe.fastest is not None and recipe.fastest.maximum_sensitivity == 2.0

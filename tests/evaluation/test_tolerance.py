@@ -39,6 +39,7 @@ def test_draws_are_seeded_and_those_for_tuning_are_others() -> None:
     assert dict(blind[3].rig)["hyst_force"] == pytest.approx(17.1029101225)
 
 
+@pytest.mark.long
 def test_every_kind_is_named_as_both_simulators_name_it() -> None:
     recipe = tolerant_study().plant
     for one in draws(2 * len(KINDS), BLIND_SEED)[::2]:

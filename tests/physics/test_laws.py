@@ -85,6 +85,7 @@ def test_a_law_from_outside_is_tried(tmp_path: Path) -> None:
     assert change[1] == pytest.approx(-5.0 * 0.5 / 1.25 / 95.0)
 
 
+@pytest.mark.long
 def test_every_law_goes_to_other_processes() -> None:
     for model in (circuit(), heated_tank(), servo_axis()):
         offered_here = library(model)
