@@ -85,15 +85,15 @@ def simulate(
         return steps * step_time(linearise(start, verdict=False))
 
     step, length = time("sample time", sample_time, 1e-3), time("duration", duration, 4.0)
+    if duration is None:
+        last = max((t for steps in chosen.inputs.values() for t, _ in steps), default=0.0)
+        length = max(length, last + 0.5 * length)
     if sample_time is None and length > 0.0:
         # A slow mode, or a rest that is far from where it starts, is no reason to refuse a time.
         step = length / max(_LEAST_SAMPLES, math.ceil(length / step - 1e-9))
     step = check_range("sample time", step, *TIMES_S, "s")
     check_range("duration", length, 2 * step, 1e6 * step, "s")
     driven = _with_pulses(chosen, pulses, lambda: time("period", period, 2.0), length)
-    if duration is None:
-        last = max((t for steps in driven.values() for t, _ in steps), default=0.0)
-        length = max(length, last + 0.5 * length)
     instants = sorted({t for steps in driven.values() for t, _ in steps if 0.0 < t < length})
     step, parts = _paced(instants, step, length, given=sample_time is not None)
     fine = step / parts
