@@ -168,6 +168,8 @@ def stages(
     )
     rows = (*rows, *late, *noise)
 
+    before: list[tuple[Model, View, Diagnosis]] = []
+
     def under(view: View, found: Diagnosis) -> tuple[View, Diagnosis, bool]:
         """Search again under a view, until that is of no use, and tell whether it is better."""
         view = replace(view, rows=(*rows, *view.rows))
@@ -184,7 +186,6 @@ def stages(
                 before.append((model, view, again))
         return view, again, again.concluded is not None and view.better(again, found)
 
-    before: list[tuple[Model, View, Diagnosis]] = []
     found, first_round = None, entries is None and priors is None
     for reached in searched(View(model, rows=rows), folder=folder):
         found = reached

@@ -183,7 +183,7 @@ def operating_point(
     """
     model = model_of(model)
     asked = _checked(model, given)
-    idle = _at_nominal(model, (q for q in model.inputs if not q.commanded)).keys()
+    idle = _idle(model).keys()
     if given and given.keys() <= idle:
         # Beside another wind, commands hold what they hold beside the usual one.
         inputs = tuple(
@@ -459,7 +459,7 @@ def _held_at_start(
     start = model.read(model.initial_state(), model.nominal_input)
     others = len(asked.keys() - _at_nominal(model, model.inputs).keys())
     commands = [q for q in model.commands if input_named(model, q.name) not in asked][others:]
-    idle = _at_nominal(model, (q for q in model.inputs if not q.commanded))
+    idle = _idle(model)
     outputs = [
         (q.name, float(y)) for q, y in zip(model.outputs, start, strict=True) if q.name not in asked
     ]
@@ -510,13 +510,18 @@ def _with_disturbances(model: Model, given: dict[str, float]) -> dict[str, float
 
 def _undisturbed(model: Model, given: dict[str, float]) -> dict[str, float]:
     """Add to given values the nominal ones of all inputs that nobody commands."""
-    idle = _at_nominal(model, (q for q in model.inputs if not q.commanded))
+    idle = _idle(model)
     return given | {name: value for name, value in idle.items() if name not in given}
 
 
 def _at_nominal(model: Model, inputs: Iterable[Input]) -> dict[str, float]:
     """Return the nominal values of inputs, in SI, by the names by which they are given."""
     return {input_named(model, q.name): q.nominal for q in inputs}
+
+
+def _idle(model: Model) -> dict[str, float]:
+    """Return the same of the inputs that nobody commands."""
+    return _at_nominal(model, (q for q in model.inputs if not q.commanded))
 
 
 def check_value(model: Model, name: str, value: float, *, what: str = "") -> None:

@@ -82,31 +82,33 @@ def as_noisy_as_recorded(
     A filter that takes noise for motion moves parameters after it. Noise is what successive samples
     do not share, as white at higher differences, where no input changes from sample to sample.
     """
-    smooth = [r for r in recordings if all(_goes_on(r, q.name) for q in model.inputs)]
     outputs, notes = [], []
     for q in model.outputs:
         declared = math.hypot(q.noise_rms, q.resolution / math.sqrt(12.0))
-        own = [r for r in smooth if q.name in r and r.valid(q.name).all()]
-        floors = [noise_of(r, q.name) for r in own] if declared else []
-        # What steps with an input counts in most blocks, but at few differences.
-        usual = [rms for r in own if not math.isnan(rms := usual_rms(r[q.name]))]
-        least = min([*(f.noise_rms for f in floors), *usual]) if floors else 0.0
         plain = not (q.relative_noise_rms or q.correlated_noise_rms or model.traits.misread)
-        if (
-            not plain
-            or len(own) < len(recordings)
-            or any(f.upper_bound or not f.noise_rms > f.step for f in floors)
-            or not least > _NOISIER * declared
-        ):
+        read = _plainly_read(model, recordings, q.name) if declared and plain else 0.0
+        if not read > _NOISIER * declared:
             outputs.append(q)
             continue
-        outputs.append(replace(q, noise_rms=least))
+        outputs.append(replace(q, noise_rms=read))
         unit = of_difference(q.display_unit)
-        found, said = (with_unit(f"{from_si(rms, unit):.3g}", unit) for rms in (least, declared))
+        found, said = (with_unit(f"{from_si(rms, unit):.3g}", unit) for rms in (read, declared))
         notes.append(
             f"{q.name} is read with {found} rms of noise, where its sensor declares {said}"
         )
     return (replace(model, outputs=tuple(outputs)) if notes else model), tuple(notes)
+
+
+def _plainly_read(model: Model, recordings: Sequence[Recording], name: str) -> float:
+    """Return the least noise rms of a measurement in SI; 0 where one recording may hide motion."""
+    whole = all(name in r and r.valid(name).all() for r in recordings)
+    steady = all(_goes_on(r, q.name) for r in recordings for q in model.inputs)
+    floors = [noise_of(r, name) for r in recordings] if whole and steady else []
+    if not floors or any(f.upper_bound or not f.noise_rms > f.step for f in floors):
+        return 0.0
+    # What steps with an input counts in most blocks, but at few differences.
+    usual = [rms for r in recordings if not math.isnan(rms := usual_rms(r[name]))]
+    return min([*(f.noise_rms for f in floors), *usual])
 
 
 def _goes_on(recording: Recording, name: str) -> bool:
