@@ -130,6 +130,26 @@ def test_units_that_do_not_belong_together_are_refused() -> None:
         )
 
 
+@pytest.mark.parametrize(("time", "pace"), [("min", 60.0), ("s", 1.0)])
+def test_a_flow_per_minute_asks_in_which_time_the_equations_count(time: str, pace: float) -> None:
+    def stirred(said: str) -> Model:
+        return Model(
+            "stirred",
+            lambda m: ({"c": m.u.flow * (0.2 - m.x.c) / m.p.volume}, {"c": m.x.c}),
+            states=(State("c", "mol/l"),),
+            inputs=(Input("flow", "l/min"),),
+            outputs=(Output("c", "mol/l"),),
+            parameters=(Parameter("volume", "l", value=50.0),),
+            time=said,
+        )
+
+    with pytest.raises(WorkbenchError, match=r"time='min'\) if .* or time='s' if"):
+        stirred("")
+    flow = 2.0 * 1e-3 / 60.0
+    rate = 2.0 * (0.2 - 0.1) / 50.0 * 1e3 / pace
+    assert stirred(time).rates([100.0], [flow]) == pytest.approx([rate])
+
+
 @pytest.mark.parametrize(("unit", "most"), [("%", 100.0), ("1", 1.0)])
 def test_a_gain_for_each_per_cent_belongs_with_what_is_read_in_per_cent(
     unit: str, most: float

@@ -136,6 +136,13 @@ def in_si_equations(
             return plainly
         if time or _belong_together(texts, size):
             return found
+    for unit in _units_of_time(q.stated for q in groups["inputs"]):
+        if _belong_together(texts, parse_unit(unit).factor):
+            raise WorkbenchError(
+                f"the equations' unit of time is not told: inputs alone are declared per {unit!r};"
+                f" give Model(..., time={unit!r}) if the equations count in {unit!r}, with which"
+                " all units belong together, or time='s' if they hold the factor"
+            )
     # A zero of its own is no factor: only where nothing else is declared are there two of them.
     sized = [q for q in declared if q.stated and parse_unit(q.stated).factor != 1.0]
     named = sized or [q for q in declared if q.stated]
@@ -154,13 +161,14 @@ def in_si_equations(
 
 def _times(units: Iterable[str]) -> list[float]:
     """Return sizes of the units of time that units are made of, in s, then those that usual are."""
-    named = [
-        parse_unit(symbol).factor
-        for unit in units
-        for symbol, _ in powers(in_symbols(unit))
-        if symbol != "1" and same_dimension(symbol, "s")
-    ]
+    named = [parse_unit(symbol).factor for symbol in _units_of_time(units)]
     return list(dict.fromkeys([*named, 1.0, 3600.0]))
+
+
+def _units_of_time(units: Iterable[str]) -> list[str]:
+    """Return the units of time that units are made of."""
+    symbols = [s for unit in units for s, _ in powers(in_symbols(unit)) if s != "1"]
+    return [s for s in dict.fromkeys(symbols) if same_dimension(s, "s")]
 
 
 def _belong_together(units: Iterable[str], time: float) -> bool:
