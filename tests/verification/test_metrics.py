@@ -102,6 +102,15 @@ def test_what_rests_is_judged_where_others_have_arrived() -> None:
     assert metrics(run)["moved.steady_error"].value < 1e-4
 
 
+@pytest.mark.parametrize("at", [1.0, 0.9])
+def test_what_never_settles_beside_a_command_at_its_limit_says_so(at: float) -> None:
+    slow = machine(lambda m: ({"x": m.u.u - m.x.x}, {"y": m.x.x}), "x K", "u K -1 1", "y K")
+    held = Scripted((*[0.0] * 50, *[at] * 450), controlled=("y",), actuators=("u",))
+    asked = Scenario("far", {"y": Steps((0.0, 0.1), (0.0, 2.0))}, 1.0, start={"y": 0.0}, settle=0.0)
+    told = metrics(verify(held, slow, asked))["settling_time"].reason
+    assert ("u is still at the limit" in told) == (at == 1.0)
+
+
 def test_sine_has_no_step_figures(plant: Model, linear: LinearModel) -> None:
     wave = Sine(math.radians(30), math.radians(5), 1.0)
     found = metrics(verify(design_pid(linear), plant, Scenario("sine", {"angle": wave}, 1.0)))

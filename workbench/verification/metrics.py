@@ -331,15 +331,28 @@ def _of_steps(
     """Return the worst of a response over the steps of an output's reference."""
 
     def measure(run: Run, name: str) -> Value:
-        found = [
-            respond(run.time[part], run[name][part], initial, final)
-            for _, initial, final, part in each_step(
-                run.time, run.scenario.references[name].changes
-            )
-        ]
+        found = []
+        for _, initial, final, part in each_step(run.time, run.scenario.references[name].changes):
+            value = respond(run.time[part], run[name][part], initial, final)
+            ended = _at_limits(run, part) if value.reason and initial != final else ""
+            found.append(Value(value.value, f"{value.reason}{ended}"))
         return worst(found) if found else Value(math.nan, "the reference has no step")
 
     return measure
+
+
+def _at_limits(run: Run, part: slice) -> str:
+    """Say which commands are at an end of their range all through the last tenth of a part."""
+    tail = run.inputs[part][-max(1, len(run.inputs[part]) // 10) :]
+    names = [
+        q.name
+        for q, u in zip(run.input_quantities, tail.T, strict=True)
+        if q.commanded
+        and min(np.abs(u - end).max() for end in (q.lower, q.upper)) <= _END * q.scale
+    ]
+    verb = "is" if len(names) == 1 else "are"
+    cure = "take more time, or a smaller step"
+    return f", where {' and '.join(names)} {verb} still at the limit: {cure}" if names else ""
 
 
 def _at_rest(respond: Callable[[Run, str, slice], Value]) -> Callable[[Run, str], Value]:
@@ -417,6 +430,9 @@ _REST = Tolerance(typical=1.7e-4, relative=0.1)
 _ERROR = Tolerance(typical=1e-5, relative=0.02)
 _NEVER = Tolerance(relative=0.0)
 _COMPUTING = Tolerance(gates=False, repeats=False)
+
+_END = 1e-6
+"""Distance of a command from an end of its range, over its scale, that rounding leaves."""
 
 _of_step = partial(Metric, of="output", needs="step")
 _of_rest = partial(
