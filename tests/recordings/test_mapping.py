@@ -111,6 +111,20 @@ def test_the_only_command_and_the_only_output_may_be_called_u_and_y(read: Read) 
         read(table("t", "u [V]", "y"), signals=HEATER)
 
 
+def test_one_column_is_not_taken_for_two_signals(read: Read) -> None:
+    blade = {"read": lambda m: m.u.pitch, "own": lambda m: m.x.pitch}
+    plants = {
+        how: machine(
+            lambda m, of=of: ({"pitch": m.u.pitch - m.x.pitch}, {"pitch": of(m)}),
+            "pitch rad", "pitch rad", "pitch rad",
+        )
+        for how, of in blade.items()
+    }  # fmt: skip
+    assert read(table("t", "pitch"), signals=plants["read"])["pitch"][0] == 5.0
+    with pytest.raises(WorkbenchError, match=r"'pitch' is an input .* as to pitch_command"):
+        read(table("t", "pitch"), signals=plants["own"])
+
+
 def test_a_word_of_the_header_names_the_signal(read: Read) -> None:
     headers = ("t [s]", "I [mA]", "ambient °C", "T_cold [°C]", "T_hot [°C]")
     recording = read(table(*headers), signals=driven_by(COOLER))

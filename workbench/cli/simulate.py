@@ -60,11 +60,14 @@ def simulate(
     from workbench.linearisation.time_scales import step_time
     from workbench.model.units import quantity
     from workbench.operating_point import operating_point
+    from workbench.recordings.column_matching import check_own_columns
     from workbench.simulation import simulate as run_model
 
     if initial and chosen.at:
         raise WorkbenchError("both --initial and a value at rest are given; keep one of them")
     model = chosen.model
+    if out is not None:
+        check_own_columns(model)
     u = model.nominal_input
     x = model.initial_state(u=u)
     try:

@@ -203,6 +203,13 @@ class Model(Shown):
         )
         return (*self.outputs, *self.inputs, *states)
 
+    @cached_property
+    def shadowed(self) -> tuple[str, ...]:
+        """Names of inputs that outputs have too which do not read them."""
+        inputs = dict(zip((q.name for q in self.inputs), ca.vertsplit(self.exact.u), strict=True))
+        read = zip((q.name for q in self.outputs), ca.vertsplit(self.exact.outputs), strict=True)
+        return tuple(n for n, v in read if n in inputs and not ca.depends_on(v, inputs[n]))
+
     @property
     def nominal_input(self) -> Vector:
         """Inputs at rest, shape (n_inputs,), in SI."""

@@ -117,6 +117,7 @@ def requested_signals(signals: Any) -> tuple[Requested, ...]:
     if isinstance(signals, tuple) and all(isinstance(s, Requested) for s in signals):
         return signals
     if hasattr(signals, "inputs") and hasattr(signals, "outputs"):
+        check_own_columns(signals)
         begins = _at_first(signals)
         roles: list[tuple[Any, Role]] = [(q, "command") for q in signals.inputs]
         roles += [(q, "measurement") for q in signals.outputs]
@@ -133,6 +134,19 @@ def requested_signals(signals: Any) -> tuple[Requested, ...]:
             f"signals is {signals!r}; give a list of names, a mapping from name to unit, or a model"
         )
     return tuple(Requested(str(name)) for name in signals)
+
+
+def check_own_columns(model: Any) -> None:
+    """Check that what shares a name, of which a recording has one column, is one signal.
+
+    Raises:
+        WorkbenchError: If an output has the name of an input that it does not read.
+    """
+    for name in getattr(model, "shadowed", ()):
+        raise WorkbenchError(
+            f"{name!r} is an input of {model.name!r} and an output that does not read it, and a"
+            f" recording has one column of a name; rename one of them, as to {name}_command"
+        )
 
 
 def driven_by(model: Any) -> tuple[Requested, ...]:
