@@ -297,6 +297,29 @@ def test_a_heading_that_is_a_unit_counts_the_time_and_no_temperature_is_in_farad
     assert recording["temp"][0] == pytest.approx(zero)
 
 
+@pytest.mark.parametrize(("separator", "point"), [(",", "."), (";", ","), ("\t", ".")])
+def test_cells_may_hold_their_unit(read: Read, separator: str, point: str) -> None:
+    def row(k: int) -> str:
+        # A meter changes its range.
+        y = f"{20 * k:.1f} mV" if k < 30 else f"{0.02 * k:.4f} V"
+        cells = (f"{0.1 * k:.1f} s", f"{k % 7}.5 V", y, f"{2 + 0.01 * k:.2f} bar (g)")
+        return separator.join(cells).replace(".", point)
+
+    headers = separator.join(("time", "u", "y", "p [mbar]"))
+    recording = read([headers, *map(row, range(40))])
+    assert (recording.time[1], recording["u"][3]) == pytest.approx((0.1, 3.5))
+    assert recording["y"] == pytest.approx(0.02 * np.arange(40))
+    assert recording["p"][10] - recording["p"][0] == pytest.approx(1e4)
+    assert [recording.signal(n).display_unit for n in ("u", "y", "p")] == ["V", "mV", "mbar"]
+
+
+def test_a_cell_with_a_unit_of_another_kind_is_no_number(read: Read) -> None:
+    rows = [f"{k},{k} V,{k} Pa" for k in range(500)]
+    recording = read(["t,u,y", *rows, "500,500 V,3 V"])
+    assert np.isnan(recording["y"][-1])
+    assert (recording["u"][-1], recording["y"][-2]) == (500.0, 499.0)
+
+
 def test_a_name_beside_its_like_is_no_unit(read: Read) -> None:
     rows = [",".join(f"{20 + k}" for _ in range(4)) for k in range(20)]
     with pytest.raises(WorkbenchError, match="temp"):

@@ -414,6 +414,27 @@ def test_a_row_per_value_becomes_a_row_per_instant(read: Read, unit: bool) -> No
     assert recording["vir"] == pytest.approx(VOLTAGE)
 
 
+@pytest.mark.parametrize(
+    ("zero", "step", "decimals", "days"),
+    [
+        (45987.6, 1.0, 9, True),
+        (45987.6, 0.01, 12, True),
+        (739000.5, 0.1, 10, True),
+        (739000.5, 60.0, 9, True),
+        # Seconds of the day at 1 kHz, and hours of a slow machine, in s.
+        (45987.6, 1e-3, 3, False),
+        (45987.6, 10.0, 1, False),
+    ],
+)
+def test_days_of_a_calendar_are_told_from_seconds(
+    read: Read, zero: float, step: float, decimals: int, days: bool
+) -> None:
+    unit = 86400.0 if days else 1.0
+    rows = [f"{zero + k * step / unit:.{decimals}f},{k % 5},{k}" for k in range(200)]
+    recording = read(["time,u,y", *rows])
+    assert np.ptp(recording.time) == pytest.approx(199 * step, rel=1e-3)
+
+
 @pytest.mark.parametrize(("unit", "factor"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
 def test_instants_since_1970_tell_their_unit(read: Read, unit: str, factor: float) -> None:
     rows = (f"{round(factor * (1.7e9 + k))},{k}" for k in range(60))

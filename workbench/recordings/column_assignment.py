@@ -289,6 +289,25 @@ def _since_1970(instants: Vector) -> str:
     return units[-1] if units else ""
 
 
+_DATES = ((25_569.0, 73_050.0), (719_529.0, 767_010.0))
+"""Days of 1970 and of 2100 as spreadsheets count them, and as MATLAB does."""
+
+_TOO_FAST = 1e-5
+"""Step in s that nobody takes hours after the zero of a clock: 100 kHz."""
+
+
+def _as_dates(instants: Vector) -> str:
+    """Return the unit of instants that are counted in days, as dates are; else ``""``."""
+    known = instants[np.isfinite(instants)]
+    step = float(np.median(np.abs(np.diff(known)))) if len(known) > 1 else 0.0
+    if not step or not any(first < known.min() and known.max() < last for first, last in _DATES):
+        return ""
+    # Whole seconds are no round number of days, and what is one of seconds may be any of days.
+    seconds, plain = 86_400.0 * step, float(f"{step:.1e}")
+    whole = abs(seconds - round(seconds)) < 1e-3 * seconds and abs(step - plain) > 5e-3 * step
+    return "d" if step < _TOO_FAST or whole else ""
+
+
 def _with_unit(value: Scalar, header: Header, alike: str) -> float:
     """Return a setting in SI, stated with a unit or in the header's; 0 if it is none like that."""
     found = re.fullmatch(r"([0-9.eE+-]+)\s*([A-Za-z]*)", str(value).strip())
@@ -322,7 +341,7 @@ def _time(
         if unit and not same_dimension(unit, "s"):
             raise WorkbenchError(f"the time column {header.column!r} is in {unit!r}; give s or ms")
         raw = rule.sign * rule.factor * columns.values[:, index] + rule.offset
-        unit = unit or _since_1970(raw)
+        unit = unit or _since_1970(raw) or _as_dates(raw)
         how = "mapping file" if rules.time is not None else "name"
         line = rule.sign, rule.factor, rule.offset
         row = MappedColumn(header.column, "time", unit, "s", how, *line)

@@ -12,8 +12,8 @@ import re
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from itertools import chain, product
+from functools import lru_cache, partial
+from itertools import chain, product, zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +21,12 @@ import numpy as np
 
 from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
+from workbench.model.units import convert, same_dimension
 from workbench.recordings.columns import Columns, Thinner, titles
 from workbench.recordings.formats.format import Format, ReadOptions
 from workbench.recordings.formats.instants import NEVER, begins_with_day, instant, start_at_zero
 from workbench.recordings.formats.long_table import Long, long_table, widened
-from workbench.recordings.headers import read_unit
+from workbench.recordings.headers import read_header, read_unit
 from workbench.recordings.recording import Scalar
 
 COMMENT_SIGNS = ("#", "%", "//")
@@ -51,7 +52,9 @@ class Layout:
 
     Args:
         separator: One character, or None for runs of blanks.
-        units: Units from a row of units; empty if there is none.
+        units: Units from a row of units, or of what stands in every cell; empty if there are none.
+        measured: Unit to which the numbers of a column are brought whose cells have their own;
+            empty if they have none.
         first: Index of the first row of numbers among the lines of the file.
         words: Numbers that words stand for, dimensionless, by the word in lower case.
         day_first: Whether 3/4/2024 is a day of April.
@@ -67,6 +70,7 @@ class Layout:
     saved: dict[str, Any] | None = None
     words: Mapping[str, float] = field(default_factory=dict)
     day_first: bool = False
+    measured: tuple[str, ...] = ()
 
 
 def split_line(line: str, separator: str | None) -> list[str]:
@@ -108,17 +112,41 @@ def _tells(cell: str, decimal: str) -> bool:
     return cell.count(".") + cell.count(",") > 1 and bool(_GROUPED[decimal].match(cell))
 
 
+_MEASURED = re.compile(r"([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([^\W\d_].*|[°%].*)")
+
+
+@lru_cache(maxsize=4096)
+def with_its_unit(cell: str) -> tuple[str, str]:
+    """Return the number and the unit of a cell that holds both; two empty texts of any other.
+
+    Example:
+        >>> with_its_unit("950.2 mV"), with_its_unit("10:20:30")
+        (('950.2', 'mV'), ('', ''))
+    """
+    found = _MEASURED.fullmatch(cell)
+    return (found[1], found[2]) if found and _known(found[2]) else ("", "")
+
+
+def _known(unit: str) -> str:
+    """Return a unit without what it counts from; empty if it is none, or is an empty text."""
+    return (unit and read_unit(unit)[0]) or ""
+
+
+def _numeral(cell: str) -> str:
+    return with_its_unit(cell)[0] or cell
+
+
 def is_missing(cell: str) -> bool:
     """Tell whether a cell says that there is no number."""
     return cell.lower() in _MISSING
 
 
 def _numeric_share(cells: Sequence[str], decimal: str) -> float:
-    if not any(is_number(c, decimal) for c in cells):
+    if not any(is_number(_numeral(c), decimal) for c in cells):
         return 0.0
     # "Sample Interval,0.02,,," above a table is no row of it.
     held = [
-        is_number(c, decimal) or c.lower() in _WORDS or instant(c) != NEVER
+        is_number(_numeral(c), decimal) or c.lower() in _WORDS or instant(c) != NEVER
         for c in cells
         if not is_missing(c)
     ]
@@ -203,7 +231,27 @@ def detect_layout(lines: Sequence[str], *, source: str) -> Layout:
     # An oscilloscope writes start and step of its time among the units.
     metadata |= {h: float(u) for h, u in zip(headers, units, strict=False) if is_number(u)}
     units = tuple("" if is_number(u) else u for u in units)
-    return Layout(separator, decimal, headers, units, width, body[start][0], metadata, saved)
+    measured = _units_of_cells([row for row in rows if len(row) == width], headers)
+    if any(measured):
+        units = tuple(m or u for m, u in zip(measured, units or ("",) * width, strict=True))
+    return Layout(
+        separator, decimal, headers, units, width, body[start][0], metadata, saved,
+        measured=measured,
+    )  # fmt: skip
+
+
+def _units_of_cells(rows: Sequence[Sequence[str]], headers: Sequence[str]) -> tuple[str, ...]:
+    """Return the unit in which a column is read whose cells all have one: the header's, if told."""
+    found = []
+    for column, header in zip_longest(zip(*rows, strict=True), headers, fillvalue=""):
+        texts = dict.fromkeys(with_its_unit(cell)[1] for cell in column if not is_missing(cell))
+        first, told = next(iter(texts), ""), read_header(header).unit
+        alike = first and all(
+            text and same_dimension(_known(text), _known(first)) for text in texts
+        )
+        of_header = told and alike and same_dimension(told, _known(first))
+        found.append("" if not alike else told if of_header else first)
+    return tuple(found)
 
 
 def _titles(
@@ -355,9 +403,17 @@ def _fast(lines: Sequence[str], layout: Layout) -> Vector | None:
     return rows
 
 
-def _value(cell: str, layout: Layout) -> float | None:
-    """Return what a cell holds: NaN if it says that there is no number, None if it is a text."""
+def _value(cell: str, layout: Layout, unit: str = "") -> float | None:
+    """Return what a cell holds: NaN if it says that there is no number, None if it is a text.
+
+    Args:
+        unit: That in which it is returned if it has its own.
+    """
     decimal = layout.decimal
+    number, own = with_its_unit(cell) if unit else ("", "")
+    if number and same_dimension(_known(own), _known(unit)):
+        value = _value(number, layout)
+        return None if value is None else float(convert(value, _known(own), _known(unit)))
     if is_number(cell, decimal) or _GROUPED[decimal].match(cell):
         plain = _joined(cell).replace("." if decimal == "," else ",", "")
         return float(plain.replace(decimal, "."))
@@ -375,7 +431,8 @@ def _column(
     Args:
         at: Numbers of the lines in the file.
     """
-    known = {cell: _value(cell, layout) for cell in set(cells)}
+    unit = layout.measured[column] if layout.measured else ""
+    known = {cell: _value(cell, layout, unit) for cell in set(cells)}
     texts = [k for k, cell in enumerate(cells) if known[cell] is None]
     if texts:
         tally.text(column, len(texts), cells[texts[0]], at[texts[0]])
