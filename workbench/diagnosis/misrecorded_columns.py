@@ -14,7 +14,7 @@ import numpy.typing as npt
 from workbench.arrays import Matrix, Vector, runs
 from workbench.diagnosis.estimation.free_run import FreeRun, free_run
 from workbench.diagnosis.estimation.observe import observe
-from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
+from workbench.diagnosis.estimation.prediction_error import filter_of
 from workbench.diagnosis.estimation.process_noise import perfect_cost
 from workbench.diagnosis.estimation.start import FEW, fit_to_few
 from workbench.diagnosis.selection.rules import SAME
@@ -25,7 +25,7 @@ from workbench.model import Model
 from workbench.model.units import from_si, in_time, of_difference, to_si, with_unit
 from workbench.recordings.checks.check import MAX_EXCLUDED, Finding
 from workbench.recordings.checks.expected import expectations, reached
-from workbench.recordings.checks.report import CheckReport, check_recording
+from workbench.recordings.checks.report import CheckReport, check_recording, check_row
 from workbench.recordings.checks.stuck import MIN_LEVELS
 from workbench.recordings.checks.time_base import check_time_base
 from workbench.recordings.checks.units import check_units
@@ -93,7 +93,7 @@ def with_commands_in_time(
         f"{' and '.join(names)} acted a row before being written: moved up by one, "
         f"{in_time(first.sample_time)}, which explains nearly all that the model left out"
     )
-    row = {"recording": first.name, "check": "rows", "result": "corrected", "note": note}
+    row = check_row(first.name, "rows", "corrected", note)
     return [moved_up(r, names, 1) for r in recordings], (row,)
 
 
@@ -154,9 +154,7 @@ def with_breaks_bridged(
                 f"{q.name} of {recording.name} drops out {len(runs(bad))} times, for {lasting} in"
                 " all, which the machine does not follow; bridged"
             )
-            rows.append(
-                {"recording": recording.name, "check": "rows", "result": "corrected", "note": note}
-            )
+            rows.append(check_row(recording.name, "rows", "corrected", note))
     return recordings, tuple(rows)
 
 
@@ -209,15 +207,8 @@ def _stepped(inputs: Matrix, column: int, first: int, last: int, at: int) -> Mat
 
 def _lacks(model: Model, recordings: Sequence[Recording]) -> float:
     """Return by how much a refitted model is less likely than one that lacks nothing."""
-    return _refitted(model, recordings)[0]
-
-
-def _refitted(
-    model: Model, recordings: Sequence[Recording]
-) -> tuple[float, Model, Sequence[Observed]]:
-    """Return what a refitted model lacks, as `_lacks`, the model, and recordings with starts."""
     fit, started = fit_to_few(model, recordings)
-    return fit.cost - perfect_cost(fit.model, started), fit.model, started
+    return fit.cost - perfect_cost(fit.model, started)
 
 
 @dataclass(frozen=True)
@@ -281,8 +272,7 @@ def with_columns_tried(model: Model, report: CheckReport) -> CheckReport:
             return replace(c, result="unfit", note=note)
         return replace(c, note=f"{c.note}; {note}", doubt=True)
 
-    checks = tuple(told(c) for c in report.checks)
-    return replace(report, checks=checks)
+    return replace(report, checks=tuple(told(c) for c in report.checks))
 
 
 def _readings(model: Model, recording: Recording) -> Iterator[_Reading]:
@@ -340,8 +330,8 @@ def _missed(run: FreeRun) -> float:
 def _run_along(model: Model, recording: Recording) -> tuple[float, FreeRun]:
     """Return what a refitted model lacks, as `_lacks`, and its run along the recording."""
     told, _ = with_undeclared(model, [recording])
-    lacks, refitted, started = _refitted(told, [recording])
-    return lacks, free_run(refitted, started[0])
+    fit, started = fit_to_few(told, [recording])
+    return fit.cost - perfect_cost(fit.model, started), free_run(fit.model, started[0])
 
 
 def _rms(run: FreeRun, recording: Recording) -> str:

@@ -47,6 +47,7 @@ from workbench.model import Model
 from workbench.model.quantities import shown_in
 from workbench.model.units import from_si, with_unit
 from workbench.physics.library import Hypothesis
+from workbench.recordings.checks.report import check_row
 from workbench.recordings.recording import Recording
 
 _KNOWN = 3.0
@@ -172,15 +173,15 @@ def _with_constant(best: Freed, found: Diagnosis, why: str) -> View:
     ((name, held),) = best.model.traits.held
     q = best.model.parameter(name)
     was = with_unit(f"{float(from_si(held, shown_in(q))):.4g}", shown_in(q))
-    told = f"{name} is refitted, which the plant holds at {was}"
-    row = {"recording": found.prepared.fitting[0].name, "check": "range", "result": "corrected"}
+    note = f"{name} is refitted, which the plant holds at {was}: {why}"
+    row = check_row(found.prepared.fitting[0].name, "range", "corrected", note)
     return View(
         best.model,
         f"with_{name}",
         f"searching beside another {name}",
         lambda again, _: again.scored is not None and not _lacks_more(again),
         lambda again: "beside it something is missing too" * _lacks_more(again),
-        ({**row, "note": f"{told}: {why}"},),
+        (row,),
     )
 
 
@@ -242,13 +243,14 @@ def otherwise_between(
         return None
     names = ", ".join(other.traits.straight or model.traits.straight)
     told = f"{names} {'straight' if other.traits.straight else 'held'} between samples"
-    row = {"recording": recordings[0].name, "check": "rows", "result": "corrected"}
+    note = f"{told}: that is likelier beside what was found"
+    row = check_row(recordings[0].name, "rows", "corrected", note)
     return View(
         other,
         "between_samples",
         f"searching again with {told}",
         lambda again, _: bool(again.accepted),
-        rows=({**row, "note": f"{told}: that is likelier beside what was found"},),
+        rows=(row,),
         found=found,
     )
 

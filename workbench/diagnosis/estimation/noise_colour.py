@@ -25,6 +25,7 @@ from workbench.diagnosis.estimation.windows import settled
 from workbench.errors import WorkbenchError
 from workbench.model import Model, Output
 from workbench.model.units import from_si, in_time, of_difference, with_unit
+from workbench.recordings.checks.report import check_row
 from workbench.recordings.recording import Recording
 
 _ORDER, _LAGS = 12, 6
@@ -87,14 +88,11 @@ def colour_of(errors: Sequence[Vector], sample_time: float) -> Colour:
     power, angle = np.concatenate(spectra), np.concatenate(angles)
     total = max(float(np.mean(power)), 1e-300)
 
-    def spectrum(q: Vector) -> tuple[float, float, float, Vector]:
+    def cost(q: Vector) -> float:
         white, rms, time = np.exp(q)
         kept = math.exp(-1.0 / time)
         shape = (1.0 - kept**2) / np.abs(1.0 - kept * np.exp(-1j * angle)) ** 2
-        return white, rms, time, white**2 + rms**2 * shape
-
-    def cost(q: Vector) -> float:
-        s = spectrum(q)[-1] * total
+        s = (white**2 + rms**2 * shape) * total
         return float(np.mean(np.log(s) + power / s))
 
     bounds = [(-12.0, 2.0), (-12.0, 2.0), (math.log(0.5), math.log(0.2 * len(errors[0])))]
@@ -104,7 +102,7 @@ def colour_of(errors: Sequence[Vector], sample_time: float) -> Colour:
         if math.log(t) < bounds[2][1]
     ]
     best = min(tries, key=lambda found: float(found.fun))
-    white, rms, time, _ = spectrum(best.x)
+    white, rms, time = np.exp(best.x)
     size = math.sqrt(total)
     return Colour(float(white) * size, float(rms) * size, float(time) * sample_time)
 
@@ -246,25 +244,18 @@ def with_correlated_noise(
         return model, ()
     coloured = _beside(model, colours)
     return coloured, tuple(
-        {
-            "recording": recordings[0].name,
-            "check": "noise",
-            "result": "corrected",
-            "note": _note(coloured, name, colour),
-        }
+        check_row(recordings[0].name, "noise", "corrected", _note(coloured, name, colour))
         for name, colour in colours.items()
     )
 
 
 def _beside(model: Model, colours: Mapping[str, Colour]) -> Model:
-    return replace(model, outputs=tuple(_coloured(q, colours) for q in model.outputs))
+    def coloured(q: Output) -> Output:
+        white, rms, time = astuple(colours[q.name])
+        return replace(q, noise_rms=white, correlated_noise_rms=rms, noise_correlation_time=time)
 
-
-def _coloured(q: Output, colours: Mapping[str, Colour]) -> Output:
-    if q.name not in colours:
-        return q
-    white, rms, time = astuple(colours[q.name])
-    return replace(q, noise_rms=white, correlated_noise_rms=rms, noise_correlation_time=time)
+    outputs = tuple(coloured(q) if q.name in colours else q for q in model.outputs)
+    return replace(model, outputs=outputs)
 
 
 def _note(model: Model, name: str, colour: Colour) -> str:

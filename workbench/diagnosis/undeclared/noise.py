@@ -23,6 +23,7 @@ from workbench.recordings.checks.noise import (
     white_rms,
 )
 from workbench.recordings.checks.quantisation import recorded_quantum
+from workbench.recordings.checks.report import check_row
 from workbench.recordings.recording import Recording
 
 _COARSE = 2.0
@@ -70,7 +71,7 @@ def as_coarse_as_recorded(
             f"{q.name} has steps of {shown[0]:.3g} {unit}, where its sensor declares"
             f" {shown[1]:.3g}; they count as its noise"
         )
-        rows.append({"recording": name, "check": "resolution", "result": "corrected", "note": note})
+        rows.append(check_row(name, "resolution", "corrected", note))
     return replace(model, outputs=tuple(outputs)), tuple(rows)
 
 

@@ -48,10 +48,7 @@ class CheckReport:
 
     def as_data(self) -> list[dict[str, str]]:
         """Return one entry per check, as a verdict lists them."""
-        return [
-            {"recording": self.name, "check": c.name, "result": c.result, "note": c.note}
-            for c in self.checks
-        ]
+        return [check_row(self.name, c.name, c.result, c.note) for c in self.checks]
 
     def __str__(self) -> str:
         rows = [(c.name, c.result, c.note) for c in self.checks]
@@ -61,6 +58,11 @@ class CheckReport:
         tail += " (see why below)" if tail else ""
         table = aligned_table(("check", "result", "note"), rows)
         return f"{self.name}: {self.result}{tail}\n{table}"
+
+
+def check_row(recording: str, check: str, result: Result, note: str) -> dict[str, str]:
+    """Return what a check says of a recording, as a verdict lists it."""
+    return {"recording": recording, "check": check, "result": result, "note": note}
 
 
 def check_recording(
