@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -175,18 +175,10 @@ def _begun(
     value = factor * _own(model, effect, size).value
     lower, upper = min(own[size].lower, 2.0 * value), max(own[size].upper, 2.0 * value)
     own[size] = replace(own[size], value=value, lower=lower, upper=upper)
-    states = tuple(
-        replace(
-            q,
-            initial=sum(found.values()) / len(found),
-            start_rms=_KNOWN,
-            start_in=tuple(sorted(found.items())),
-        )
-        if q.name == about.begins
-        else q
-        for q in effect.states
-    )
-    return replace(effect, states=states, parameters=tuple(own.values()))
+    begins = next(q for q in effect.states if q.name == about.begins)
+    usual, own_starts = sum(found.values()) / len(found), tuple(sorted(found.items()))
+    begins = replace(begins, initial=usual, start_rms=_KNOWN, start_in=own_starts)
+    return replace(_with_states(effect, [begins]), parameters=tuple(own.values()))
 
 
 def with_own_moments(
@@ -325,10 +317,8 @@ class _Ends:
         start = self.begun.start.copy()
         start[list(self.clocks)] = now
         for k in (1, 0):
-            clock, (time, other) = (
-                self.clocks[k],
-                (self.ends - start[list(self.clocks)])[[k, 1 - k]],
-            )
+            clock = self.clocks[k]
+            time, other = (self.ends - start[list(self.clocks)])[[k, 1 - k]]
             instants = tried(time)
             instants = instants[instants > other] if k else instants[instants < other]
             span = float(time - self.width), float(time + self.width)
@@ -363,14 +353,10 @@ def times_of(effect: Effect) -> tuple[str, ...]:
 
 def at_times_of(effect: Effect, other: Effect) -> Effect:
     """Return an event whose clocks start in each recording as those of another one."""
-    clocks = dict(zip((q.name for q in _clocks(effect)), _clocks(other), strict=True))
-    states = tuple(
-        replace(q, initial=clocks[q.name].initial, start_in=clocks[q.name].start_in)
-        if q.name in clocks
-        else q
-        for q in effect.states
+    pairs = zip(_clocks(effect), _clocks(other), strict=True)
+    return _with_states(
+        effect, [replace(q, initial=its.initial, start_in=its.start_in) for q, its in pairs]
     )
-    return replace(effect, states=states)
 
 
 def may_be_absent(effect: Effect) -> bool:
@@ -386,14 +372,11 @@ def absent_from(entry: Hypothesis, recordings: Sequence[Observed]) -> Hypothesis
     if not recordings or not may_be_absent(entry.effect):
         return entry
     never = {r.name: -_NEVER * r.sample_time * len(r.outputs) for r in recordings}
-    clocks = {q.name for q in _clocks(entry.effect)}
-    states = (
+    clocks = [
         replace(q, start_in=tuple(sorted((dict(q.start_in) | never).items())))
-        if q.name in clocks
-        else q
-        for q in entry.effect.states
-    )
-    return replace(entry, effect=replace(entry.effect, states=tuple(states)))
+        for q in _clocks(entry.effect)
+    ]
+    return replace(entry, effect=_with_states(entry.effect, clocks))
 
 
 def _length(effect: Effect) -> str:
@@ -422,6 +405,12 @@ def _clocks(effect: Effect) -> list[State]:
     return [q for q in effect.states if q.unit == "s"]
 
 
+def _with_states(effect: Effect, changed: Iterable[State]) -> Effect:
+    """Return an effect some of whose states are others of the same names."""
+    states = {q.name: q for q in (*effect.states, *changed)}
+    return replace(effect, states=tuple(states.values()))
+
+
 def _moved(
     effect: Effect,
     model: Model,
@@ -438,17 +427,16 @@ def _moved(
     values = {effect.about.moment: begin - early[0]}
     if length := _length(effect):
         values[length] = end - early[1] - values[effect.about.moment]
-    states = {}
+    clocks = []
     for clock, known, before in zip(_clocks(effect), late, early, strict=True):
         starts = dict.fromkeys(others, clock.initial) if before else {}
         starts |= dict(clock.start_in)
         starts |= {name: clock.initial + t for name, t in known.items() if name != first}
         starts = {name: start - before for name, start in starts.items()}
-        states[clock.name] = replace(clock, start_in=tuple(sorted(starts.items())))
+        clocks.append(replace(clock, start_in=tuple(sorted(starts.items()))))
     bounds = {name: _own(model, effect, name) for name in values}
     values = {k: float(np.clip(v, bounds[k].lower, bounds[k].upper)) for k, v in values.items()}
-    moved = replace(effect, states=tuple(states.get(q.name, q) for q in effect.states))
-    return moved.with_parameters(values)
+    return _with_states(effect, clocks).with_parameters(values)
 
 
 def levels(model: Model, effect: Effect) -> dict[str, float]:

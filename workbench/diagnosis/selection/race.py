@@ -170,15 +170,8 @@ class _Finals:
 
     def compare(self, places: Sequence[int]) -> None:
         """Follow some of the candidates to the end, and decide of all again."""
-        if not places:
-            return
-        names = [self.candidates[i].entry.name for i in places]
-        self._task.say("comparing " + " and ".join(names))
-        for i, final in zip(
-            places, self._followed([self.candidates[i] for i in places]), strict=True
-        ):
-            self.candidates[i] = final
-        self.found = decided(self.candidates, self._runs, self._limits)
+        if places:
+            self._go_on("comparing", {i: self.candidates[i] for i in places}, first=True)
 
     def compare_at_its_times(self) -> None:
         """Follow what may have come instead of an event, at its times.
@@ -191,11 +184,9 @@ class _Finals:
         places = [i for i, c in enumerate(self.candidates) if _may_come_instead(c, best)]
         places = [i for i in places if not self.candidates[i].followed]
         places = sorted(places, key=lambda i: -self.candidates[i].gain)[:_FINALISTS]
-        begun = {i: _at_times_of(best, self.candidates[i]) for i in places}
-        if not begun:
-            return
-        self._task.say("comparing " + " and ".join(c.name for c in begun.values()))
-        self._go_on(begun)
+        if places:
+            begun = {i: _at_times_of(best, self.candidates[i]) for i in places}
+            self._go_on("comparing", begun)
 
     def compare_to_the_end(self) -> None:
         """Go on with what gains as much as the best one and is told from it all the same.
@@ -204,16 +195,19 @@ class _Finals:
         """
         best = self.best
         near = [i for i, c in enumerate(self.candidates) if best and _ended_early(c, best)]
-        if best is None or not near:
-            return
-        names = [self.candidates[i].entry.name for i in near]
-        self._task.say("refitting to the end " + " and ".join(names))
-        self._go_on({i: _from_where(best, self.candidates[i]) for i in near})
+        if best and near:
+            begun = {i: _from_where(best, self.candidates[i]) for i in near}
+            self._go_on("refitting to the end", begun)
 
-    def _go_on(self, begun: Mapping[int, Candidate]) -> None:
-        """Follow candidates from elsewhere, by place, keep what gains more, and decide again."""
+    def _go_on(self, doing: str, begun: Mapping[int, Candidate], *, first: bool = False) -> None:
+        """Follow candidates, by place, and decide of all again.
+
+        Args:
+            first: Whether they were not followed yet; else what gains more is kept.
+        """
+        self._task.say(f"{doing} {' and '.join(c.name for c in begun.values())}")
         for i, final in zip(begun, self._followed([*begun.values()]), strict=True):
-            if final.gain > self.candidates[i].gain:
+            if first or final.gain > self.candidates[i].gain:
                 self.candidates[i] = final
         self.found = decided(self.candidates, self._runs, self._limits)
 
