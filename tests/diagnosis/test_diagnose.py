@@ -100,5 +100,5 @@ def test_doubted_findings_beside_which_all_is_still_missing_are_no_names(
     task: Any = SimpleNamespace(fitting=(), started=lambda *_: ())
     monkeypatch.setattr(module, "run_freely", lambda *_: (chosen, explained))
     rest = Location({"axis": 100.0 * left}, {}, 100.0)
-    monkeypatch.setattr(module, "where", lambda *_: SimpleNamespace(location=rest))
+    monkeypatch.setattr(module, "where", lambda *_: rest)
     assert module._hollow(task, found, chosen) is hollow

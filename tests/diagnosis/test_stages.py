@@ -23,7 +23,7 @@ from workbench.files import digest_of_code
 MOST_FILTERED = 114_500
 """Samples that a diagnosis of `_given` may filter: the 104,100 that it takes, and a tenth more."""
 
-NAMES = ["fitted", "located", "prepared", "scored", "selected", "validated"]
+NAMES = ["fitted", "location", "prepared", "scored", "selected", "validated"]
 
 
 _given = partial(rubbing_runs, 300, "linear_spring")

@@ -25,7 +25,6 @@ from workbench.diagnosis.findings import along, computed
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.selection.held_out import explained
 from workbench.diagnosis.selection.weights import Compared
-from workbench.diagnosis.stages import Located
 from workbench.diagnosis.verdict import SCHEMA, Finding, Value, Verdict
 from workbench.model import Scope
 from workbench.model.trace import Equations
@@ -396,7 +395,7 @@ def test_what_is_small_and_clearly_there_is_told() -> None:
     given = example_diagnosis()
     for gain, told in ((40.0, False), (750.0, True)):
         location = Location({"axis": gain}, {"axis": gain}, gain)
-        said = _small(replace(given, located=Located(location)))
+        said = _small(replace(given, located=location))
         assert bool(said) == said.startswith(" Something small acts at axis.force") == told
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -44,7 +43,7 @@ from workbench.diagnosis.selection.selected import Scored, Selected
 from workbench.diagnosis.selection.task import Task
 from workbench.diagnosis.selection.withdrawal import all_withdrawn, likely, run_freely
 from workbench.diagnosis.stage_files import StageFiles, fingerprint
-from workbench.diagnosis.stages import Diagnosis, Fitted, Located, Prepared, Validated
+from workbench.diagnosis.stages import Diagnosis, Fitted, Prepared, Validated
 from workbench.diagnosis.undeclared.noise import as_coarse_as_recorded
 from workbench.diagnosis.undeclared.plant import with_undeclared
 from workbench.diagnosis.verdict import Verdict
@@ -149,25 +148,10 @@ def stages(
     late = (*late, *broken)
     fit_on, hold_out = both[: len(fit_on)], both[len(fit_on) :]
     model, noise = with_correlated_noise(model, both)
-    for note in (
-        *filter(None, [divided]),
-        *notes,
-        *(row["note"] for row in (*rows, *late, *noise)),
-    ):
-        say(note)
-    searched = partial(
-        _stages,
-        fit_on=fit_on,
-        hold_out=hold_out,
-        entries=entries,
-        extra=extra,
-        priors=priors,
-        jobs=jobs,
-        advise=advise,
-        say=say,
-    )
     rows = (*rows, *late, *noise)
-
+    for note in filter(None, (divided, *notes, *(row["note"] for row in rows))):
+        say(note)
+    asked = _Asked(fit_on, hold_out, entries, extra, priors, jobs, advise, say)
     before: list[tuple[Model, View, Diagnosis]] = []
 
     def under(view: View, found: Diagnosis) -> tuple[View, Diagnosis, bool]:
@@ -177,7 +161,7 @@ def stages(
         again: Diagnosis | None = next(same, None)
         if again is None:
             say(view.why)
-            for again in searched(view, folder=folder and folder / view.name):
+            for again in _stages(asked, view, folder and folder / view.name):
                 if why := view.ends(again):
                     say(f"{why}: the first search stands")
                     break
@@ -187,7 +171,7 @@ def stages(
         return view, again, again.concluded is not None and view.better(again, found)
 
     found, first_round = None, entries is None and priors is None
-    for reached in searched(View(model, rows=rows), folder=folder):
+    for reached in _stages(asked, View(model, rows=rows), folder):
         found = reached
         if found.concluded is None:
             yield found
@@ -219,30 +203,29 @@ def stages(
     yield found
 
 
-def _stages(
-    view: View,
-    *,
-    fit_on: Sequence[Recording],
-    hold_out: Sequence[Recording],
-    entries: Sequence[Hypothesis] | None,
-    extra: Sequence[Law | Hypothesis],
-    priors: Sequence[Prior] | None,
-    jobs: int,
-    advise: bool,
-    folder: Path | None,
-    say: Progress,
-) -> Iterator[Diagnosis]:
+class _Asked(NamedTuple):
+    """What is asked of every search of a diagnosis, as `diagnose` is."""
+
+    fit_on: Sequence[Recording]
+    hold_out: Sequence[Recording]
+    entries: Sequence[Hypothesis] | None
+    extra: Sequence[Law | Hypothesis]
+    priors: Sequence[Prior] | None
+    jobs: int
+    advise: bool
+    say: Progress
+
+
+def _stages(asked: _Asked, view: View, folder: Path | None) -> Iterator[Diagnosis]:
     """Diagnose a model that declares all its noise, under a view of its recordings."""
+    fit_on, hold_out, entries, extra, priors, jobs, advise, say = asked
     model = view.model
     known = view.priors or tuple(priors if priors is not None else default_priors(model))
     recorded = tuple(q.name for q in model.outputs if q.name in fit_on[0])
     longest = max(fit_on, key=lambda recording: recording.duration)
     if entries is None:
-        offered = library(
-            model,
-            RecordedFacts(recorded, longest.duration, longest.sample_time),
-            extra=extra,
-        )
+        facts = RecordedFacts(recorded, longest.duration, longest.sample_time)
+        offered = library(model, facts, extra=extra)
         if not view.name and (bare := _without_laws(model, offered)):
             say(
                 f"no law acts at {', '.join(bare)}, in no unit that says what it is: state its"
@@ -276,7 +259,7 @@ def _stages(
     yield found
 
     say("locating the mismatch")
-    located = files.reached(Located, lambda: where(fitted.base, prepared))
+    located = files.reached(Location, lambda: where(fitted.base, prepared))
     found = replace(found, located=located, **files.spent)
     yield found
 
@@ -287,7 +270,7 @@ def _stages(
         prepared.fitting,
         prepared.judging,
         known,
-        located.location,
+        located,
         None if entries is None else offered,
         jobs,
         say,
@@ -376,12 +359,12 @@ def fit(model: Model, prepared: Prepared) -> Fitted:
     return Fitted(with_fixed_uncertainty(base, fitting), started)
 
 
-def where(base: ProcessNoiseFit, prepared: Prepared) -> Located:
-    """Locate what the refitted nominal model lacks."""
+def where(base: ProcessNoiseFit, prepared: Prepared) -> Location:
+    """Locate what the refitted nominal model lacks; nowhere if that cannot be told."""
     try:
-        return Located(locate(base.model, prepared.fitting))
-    except (NumericalError, np.linalg.LinAlgError) as error:
-        return Located(Location({}, {}, 0.0), f"it could not be located, because {error}")
+        return locate(base.model, prepared.fitting)
+    except (NumericalError, np.linalg.LinAlgError):
+        return Location({}, {}, 0.0)
 
 
 def relocated(task: Task, found: Diagnosis, selected: Selected) -> tuple[Diagnosis, Selected]:
@@ -395,7 +378,7 @@ def relocated(task: Task, found: Diagnosis, selected: Selected) -> tuple[Diagnos
     location, base = task.one_place
     fitted = replace(found.fitted, base=base)
     selected = replace(selected, extended=base, fits=(base,), closest={}, runs={})
-    return replace(found, fitted=fitted, located=Located(location)), selected
+    return replace(found, fitted=fitted, located=location), selected
 
 
 def _hollow(task: Task, found: Diagnosis, selected: Selected) -> bool:
@@ -409,7 +392,7 @@ def _hollow(task: Task, found: Diagnosis, selected: Selected) -> bool:
     if run_freely(task, selected)[1] >= LEAST_SHOWN:
         return False
     started = tuple(task.started(task.fitting, selected.extended.model))
-    left = where(selected.extended, replace(found.prepared, fitting=started)).location
+    left = where(selected.extended, replace(found.prepared, fitting=started))
     return still_missing(found.before, left) >= NO_NAME
 
 
@@ -460,7 +443,7 @@ def validate(found: Diagnosis, *, advise: bool = True, jobs: int = 1, say: Progr
         if judging is not prepared.judging:
             run.clear()
         say("locating what is left")
-        location = where(extended, replace(prepared, fitting=tuple(started))).location
+        location = where(extended, replace(prepared, fitting=tuple(started)))
     say("running the models freely on the held-out recordings")
     # The nominal model is corrected where windows begin as much as the refitted one.
     models = {
@@ -484,7 +467,7 @@ def validate(found: Diagnosis, *, advise: bool = True, jobs: int = 1, say: Progr
     if location is not None and extended.noise_scale > IMPERFECT:
         assert found.fitted is not None
         told = replace(found.fitted, base=extended)
-        left = Diagnosis(found.nominal, prepared, told, Located(location))
+        left = Diagnosis(found.nominal, prepared, told, location)
         questions.append((missing_signals, (left,)))
     if advise:
         questions.append((_advice, (found,)))

@@ -1,6 +1,6 @@
 """The stages of a diagnosis: what each one found, frozen.
 
-Prepared -> Fitted -> Located -> Scored -> Selected -> Validated. Each is made by one function of
+Prepared -> Fitted -> Location -> Scored -> Selected -> Validated. Each is made by one function of
 those before it (`workbench.diagnosis.diagnose`), written when it is reached and read again by a
 later call (`workbench.diagnosis.stage_files`).
 """
@@ -57,14 +57,6 @@ class Fitted:
 
     base: ProcessNoiseFit
     prepared: Prepared
-
-
-@dataclass(frozen=True)
-class Located:
-    """Where the refitted nominal model lacks something; or why that cannot be told."""
-
-    location: Location
-    failure: str = ""
 
 
 @dataclass(frozen=True)
@@ -126,7 +118,7 @@ class Diagnosis(Drawn):
     nominal: Model
     prepared: Prepared
     fitted: Fitted | None = None
-    located: Located | None = None
+    located: Location | None = None
     scored: Scored | None = None
     selected: Selected | None = None
     validated: Validated | None = None
@@ -220,9 +212,8 @@ class Diagnosis(Drawn):
 
     @property
     def before(self) -> Location | None:
-        """Where the refitted nominal model lacks something."""
-        location = self.located.location if self.located is not None else None
-        return location if location is not None and location.alone else None
+        """Where the refitted nominal model lacks something; None if that cannot be told."""
+        return self.located if self.located is not None and self.located.alone else None
 
     @property
     def after(self) -> Location | None:

@@ -153,9 +153,8 @@ def test_unexplained_names_a_time_a_place_and_a_signal() -> None:
 def test_without_a_located_port_the_error_of_the_predictions_tells() -> None:
     found = shaken()
     assert found.located is not None and found.validated is not None
-    nowhere = replace(found, located=replace(found.located, location=replace(
-        found.located.location, alone=dict.fromkeys(found.located.location.alone, 0.0)
-    )))  # fmt: skip
+    none = dict.fromkeys(found.located.alone, 0.0)
+    nowhere = replace(found, located=replace(found.located, alone=none))
     signals, why = missing_signals(nowhere)
     assert not why and signals[0][0].port == "position"
     said = conclude(replace(nowhere, validated=replace(found.validated, missing=signals)))

@@ -108,9 +108,9 @@ def test_what_a_parameter_hides_off_its_bound_is_scored_where_it_is_on_it() -> N
     ripple, tilt = made_score("ripple", 90.0), made_score("tilt_gravity", 60.0)
     hidden = replace(tilt, sigma=0.4, collinearity=0.999)
     confusion = np.array([[1.0, 0.2], [0.2, 1.0]])
-    scores = Scores((ripple, hidden), confusion, 1.0)
+    scores = Scores((ripple, hidden), confusion)
     # As good elsewhere, what these data show is left as it was.
-    at_bound = Scores((replace(tilt, gain=200.0), replace(ripple, gain=300.0)), np.eye(2), 1.0)
+    at_bound = Scores((replace(tilt, gain=200.0), replace(ripple, gain=300.0)), np.eye(2))
     assert scores.shown_by(at_bound).scores == (at_bound.scores[0], ripple)
     assert scores.shown_by(replace(at_bound, scores=(hidden,))).scores == scores.scores
 

@@ -83,7 +83,7 @@ def test_with_levels_by_recording_what_is_the_same_in_all_of_them_is_tried() -> 
     by_recording = "sensor_offset_by_recording_angle"
     ranked = [made_score(by_recording, 900.0), made_score("tilt_gravity", 800.0)]
     ranked += [made_score("sensor_offset_angle", 20.0), made_score("sensor_offset_pressure_1", 7.0)]
-    scores = Scores((*ranked, made_score("sensor_drift_angle", 8.0)), np.eye(5), 1.0)
+    scores = Scores((*ranked, made_score("sensor_drift_angle", 8.0)), np.eye(5))
     names = [score.entry.name for score in shortlist(scores, most=2)]
     assert names == [by_recording, "tilt_gravity", "sensor_offset_angle"]
 
@@ -95,7 +95,7 @@ def test_the_best_law_of_one_parameter_at_each_sensor_is_tried_whatever_scores_b
               ("sensor_offset_pressure_1", 90.0), ("sensor_offset_angle", 80.0),
               ("sensor_gain_pressure_1", 70.0), ("sensor_gain_pressure_2", 7.0)]  # fmt: skip
     rows = tuple(made_score(name, gain) for name, gain in ranked)
-    chosen = [s.entry.name for s in shortlist(Scores(rows, np.eye(9), 1.0), most=3)]
+    chosen = [s.entry.name for s in shortlist(Scores(rows, np.eye(9)), most=3)]
     assert {"sensor_gain_angle", "sensor_offset_pressure_1"} < set(chosen)
     assert len(chosen) == 4
 
@@ -113,7 +113,7 @@ def test_shortlist_takes_look_alikes_and_the_best_of_other_places() -> None:
     ]
     confusion = np.eye(len(ranked))
     confusion[0, 1] = confusion[1, 0] = 0.99
-    scores = Scores(tuple(made_score(name, gain) for name, gain in ranked), confusion, 1.0)
+    scores = Scores(tuple(made_score(name, gain) for name, gain in ranked), confusion)
     names = [score.entry.name for score in shortlist(scores, most=3)]
     assert names[0] == "tilt_gravity"
     # The look-alike, and the best of another component although others at the joint score more.
@@ -122,7 +122,7 @@ def test_shortlist_takes_look_alikes_and_the_best_of_other_places() -> None:
 
 def test_what_cannot_be_tested_or_gains_too_little_is_not_refitted() -> None:
     collinear = made_score("tilt_gravity", 90.0, collinearity=0.999)
-    scores = Scores((replace(collinear, sigma=1.5), made_score("ripple", 2.0)), np.eye(2), 1.0)
+    scores = Scores((replace(collinear, sigma=1.5), made_score("ripple", 2.0)), np.eye(2))
     assert shortlist(scores, most=18) == ()
     # What parameters reproduce but for a thousandth is refitted where that is seen clearly.
     clear = replace(scores, scores=(collinear, scores.scores[1]))
@@ -133,7 +133,7 @@ def test_what_cannot_be_tested_or_gains_too_little_is_not_refitted() -> None:
 def test_a_stiff_law_is_refitted_from_half_of_the_best_score_on(gain: float, worth: bool) -> None:
     ranked = [("command_play", 275.0), ("spool_hysteresis", 245.0), ("command_stiction", gain)]
     assert entries()["command_stiction"].stiff
-    scores = Scores(tuple(made_score(*each) for each in ranked), np.eye(3), 1.0)
+    scores = Scores(tuple(made_score(*each) for each in ranked), np.eye(3))
     names = [score.entry.name for score in shortlist(scores, most=18)]
     assert ("command_stiction" in names) == worth
 

@@ -55,7 +55,6 @@ class Estimate:
         return read_with_deviation(value, std, self.unit, self.shown, size)
 
     def __str__(self) -> str:
-        """Return one aligned line."""
         value, std, unit = self.read(self.value, self.std)
         mean, spread, _ = self.read(self.prior.mean, self.prior.std)
         line = (
@@ -134,13 +133,7 @@ class Refit:
             f" {', '.join(e.name for e in self.estimates)}"
         )
 
-    def inflation(self, name: str) -> float:
-        """Return the factor, 1 or more, by which correlated errors enlarge a standard deviation."""
-        self.estimate(name)
-        return float(self.inflations[[e.name for e in self.estimates].index(name)])
-
     def __str__(self) -> str:
-        """Return a short aligned table."""
         state = "converged" if self.converged else "NOT CONVERGED"
         lines = [f"refit of {self.model.name}: {state}, {self.iterations} steps"]
         lines += [f"  {estimate}" for estimate in self.as_read]

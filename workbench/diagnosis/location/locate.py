@@ -6,7 +6,7 @@ how much more likely that makes the recordings says where the equations leave so
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -56,33 +56,31 @@ class Location:
             The ports of the best group, with those of its twins that gain at least half as much:
             groups that differ by their number only. None if no input gains anything.
         """
-        if not self.alone or self.alone[self.best] <= 0.0:
-            return ()
-        groups = groups_of(model)
-        kind = self.best.rstrip("0123456789")
-        near = [
-            group
-            for group, gain in sorted(self.alone.items(), key=lambda pair: -pair[1])
-            if group.rstrip("0123456789") == kind and gain >= 0.5 * self.alone[self.best]
-        ]
-        return tuple(port for group in near for port in groups[group])
+        twins = (g for g in self._near if g.rstrip("0123456789") == self.best.rstrip("0123456789"))
+        return _ports_of(model, twins)
 
     def likely(self, model: Model) -> tuple[str, ...]:
         """Return the ports of groups that gain at least half as much as the best, that first."""
-        if not self.alone or self.alone[self.best] <= 0.0:
-            return ()
-        groups, order = groups_of(model), sorted(self.alone.items(), key=lambda pair: -pair[1])
-        near = (group for group, gain in order if gain >= 0.5 * self.alone[self.best])
-        return tuple(port for group in near for port in groups[group])
+        return _ports_of(model, self._near)
+
+    @property
+    def _near(self) -> list[str]:
+        """Groups that gain at least half as much as the best, that first; none if none gains."""
+        order = sorted(self.alone, key=lambda group: -self.alone[group])
+        return [g for g in order if 0.0 < self.alone[g] >= 0.5 * self.alone[order[0]]]
 
     def __str__(self) -> str:
-        """Return a short aligned table."""
         lines = [f"unknown input at every group gains {self.together:.0f}"]
         lines += [
             f"  {group:<16} alone {self.alone[group]:>10.0f}   left out {self.needed[group]:>10.0f}"
             for group in sorted(self.alone, key=lambda g: -self.alone[g])
         ]
         return "\n".join(lines)
+
+
+def _ports_of(model: Model, groups: Iterable[str]) -> tuple[str, ...]:
+    known = groups_of(model)
+    return tuple(port for group in groups for port in known[group])
 
 
 def groups_of(model: Model) -> dict[str, tuple[str, ...]]:
@@ -139,11 +137,8 @@ def locate(model: Model, recordings: Sequence[Observed]) -> Location:
             # Trusted equations that are badly wrong throw the filter out of their range.
             return _LOST
 
-    trusted = TRUSTED[-1]
-    for level in TRUSTED:
-        if cost(dict.fromkeys(groups, level)) < _LOST:
-            trusted = level
-            break
+    finite = (level for level in TRUSTED if cost(dict.fromkeys(groups, level)) < _LOST)
+    trusted = next(finite, TRUSTED[-1])
 
     def best(free: Sequence[str]) -> float:
         # Beyond a level that gains nothing another one may, if far more is missing than is usual.

@@ -109,13 +109,11 @@ class Scores:
         scores: One per effect, by falling gain.
         confusion: Absolute cosine between the projected signatures, shape (n, n), in the order of
             ``scores``.
-        noise_scale: Process-noise scale at which the score was taken, dimensionless.
         failed: Effects that could not be scored, each with the reason.
     """
 
     scores: tuple[Score, ...]
     confusion: Vector
-    noise_scale: float
     failed: tuple[tuple[str, str], ...] = ()
 
     def shown_by(self, others: Scores) -> Scores:
@@ -143,7 +141,6 @@ class Scores:
         return tuple(names[i] for i in order)
 
     def __str__(self) -> str:
-        """Return a short aligned table of the best scores."""
         lines = [f"{'effect':<34} {'gain':>10} {'sigma':>8} {'size':>12} {'collinear':>9}"]
         lines += [
             f"{s.entry.name:<34} {s.gain:>10.1f} {s.sigma:>8.1f} {s.size:>12.4g}"
@@ -200,7 +197,7 @@ def score_library(
             some = group[begin : begin + _TOGETHER]
             attached += _attached(model, recordings, names, some, noise_scale, failed)
     if not attached:
-        return Scores((), np.zeros((0, 0)), noise_scale, tuple(failed.items()))
+        return Scores((), np.zeros((0, 0)), tuple(failed.items()))
     ordered = [variant for one in attached for variant in one.variants]
     totals = _Totals(len(names), len(ordered))
     for number in range(len(recordings)):
@@ -208,7 +205,7 @@ def score_library(
     n = len(names)
     scale = np.concatenate([attached[0].scale[:n], *(one.scale[n:] for one in attached)])
     std = np.array([p.std for p in priors])
-    found = _scores(totals, ordered, scale, std, noise_scale, recordings)
+    found = _scores(totals, ordered, scale, std, recordings)
     return replace(found, failed=tuple(failed.items()))
 
 
@@ -394,7 +391,6 @@ def _scores(
     variants: Sequence[_Variant],
     scale: Vector,
     std: Vector,
-    noise_scale: float,
     recordings: Sequence[Observed],
 ) -> Scores:
     n = totals.split
@@ -421,9 +417,8 @@ def _scores(
     # Of each effect the shape that gains the most, best effect first.
     best: dict[str, int] = {}
     for i in np.argsort(-gain):
-        if i in same:
-            continue
-        best.setdefault(variants[i].entry.name, int(i))
+        if i not in same:
+            best.setdefault(variants[i].entry.name, int(i))
     order = list(best.values())
     differing = [i for i in order if variants[i].entry.effect.about.level]
     order = [i for i in order if i not in differing[_MOST_LEVELS:]]
@@ -450,7 +445,7 @@ def _scores(
         )
         for i in order
     )
-    return Scores(scores, confusion[np.ix_(order, order)], noise_scale)
+    return Scores(scores, confusion[np.ix_(order, order)])
 
 
 def _due(blocks: Vector, begins: Vector) -> Vector:

@@ -28,20 +28,17 @@ _FAR = 3.0
 _TRIED = 3
 """Constants that are refitted, of those that promise most."""
 
-
 _PROMISES = 0.3
 """Part of what a rival gains that the slopes of a constant promise at least."""
 
 
 class Freed(NamedTuple):
-    """A model of which one constant is refitted.
+    """A model of which one constant is refitted, as its traits tell.
 
     Args:
-        name: Name of the constant.
         cost: Minus the log likelihood with it, dimensionless.
     """
 
-    name: str
     model: Model
     cost: float
 
@@ -91,7 +88,7 @@ def likeliest_freed(
                 enough=NEARER,
             )
             if best is None or fit.cost < best.cost:
-                best = Freed(name, other, fit.cost)
+                best = Freed(other, fit.cost)
     return best
 
 
