@@ -23,7 +23,6 @@ from workbench.diagnosis.selection.held_out import floor_of
 from workbench.diagnosis.selection.rules import IMPERFECT
 from workbench.errors import WorkbenchError
 from workbench.model import Model
-from workbench.model.model import index_of
 from workbench.model.units import of_difference, parse_unit
 from workbench.recordings.case import RefitSettings
 
@@ -119,7 +118,6 @@ class RefitReport:
         return (*self.problem.notes, *dict.fromkeys(restarts))
 
     def __str__(self) -> str:
-        """Return short aligned tables."""
         lines = [f"{self.problem.title}: refitted on {len(self.problem.fit)} recording(s)", ""]
         lines += [str(self.refit), f"  process-noise scale: {self.refit.noise_scale:g}"]
         for name, value, published, sigmas in self.differences():
@@ -199,9 +197,8 @@ def run_refit(problem: Problem, *, progress: Callable[[str], None] | None = None
             limited = noise_limited(own.refit, started)
         nominal.append(before)
         refitted.append(after)
-        for k, name in enumerate(observed.used):
-            read = model.outputs[index_of("output", name, model.outputs)]
-            unit = of_difference(read.display_unit)
+        for k, (name, row) in enumerate(zip(observed.used, observed.rows(model), strict=True)):
+            unit = of_difference(model.outputs[row].display_unit)
             size = parse_unit(unit).factor
             rows.append(
                 HeldOut(

@@ -76,10 +76,11 @@ _TRIED, _ONCE = 5, 3
 """Evaluations of the equations in a Runge-Kutta step, with the one that looks for bends, and in an
 exponential one."""
 
-_NUMBERS = (
-    *("sample_time", "outlier", "faded", "little", "alike"),
-    *("little_bent", "much_bent", "curved", "nothing", "stiff"),
-)
+_NUMBERS = {
+    "faded": _FADED, "little": _LITTLE, "alike": _ALIKE, "little_bent": _LITTLE_BENT,
+    "much_bent": _MUCH_BENT, "curved": _CURVED, "nothing": _NOTHING, "stiff": _STIFF,
+}  # fmt: skip
+"""What `filter.c` is told of the numbers above."""
 
 
 class Steps(NamedTuple):
@@ -170,14 +171,10 @@ def is_outlier(whitened: Vector) -> npt.NDArray[np.bool_]:
 class _Struct(ctypes.Structure):
     _fields_ = [
         *((name, CFunction) for name in ("slope", "rates", "read", "noise")),
-        *(
-            (name, ctypes.c_int64)
-            for name in ("states", "inputs", "measurements", "corrected", "free")
-        ),
+        *((n, ctypes.c_int64) for n in ("states", "inputs", "measurements", "corrected", "free")),
         *((name, ctypes.c_int64) for name in ("halvings", "steps", "finer", "deeper")),
-        ("places", ctypes.c_void_p),
-        ("scale", ctypes.c_void_p),
-        *((name, ctypes.c_double) for name in _NUMBERS),
+        *((name, ctypes.c_void_p) for name in ("places", "scale")),
+        *((name, ctypes.c_double) for name in ("sample_time", "outlier", *_NUMBERS)),
         *((name, ctypes.c_int64) for name in ("most_doublings", "tries", "bent", "kinks")),
         ("work", ctypes.c_void_p),
     ]
@@ -243,32 +240,12 @@ class Filter:
             n_y, n_f = len(asked.rows), len(asked.columns)
             size = 7 * n_x + n_y * (1 + n + n_f) + 11 * n + n_f + 12 * n * n + 2 * n * n_f
             self._work = np.zeros(max(1, size))
-            self._struct = _Struct(
-                *(self._equations.in_c(i) for i in range(4)),
-                n_x,
-                asked.traced.u.numel(),
-                n_y,
-                n,
-                n_f,
-                steps.halvings,
-                steps.each,
-                _FINER,
-                _DEEPER,
-                self._kept.ctypes.data,
-                address(self._scale),
-                sample_time,
-                OUTLIER_SIGMA,
-                _FADED,
-                _LITTLE,
-                _ALIKE,
-                _LITTLE_BENT,
-                _MUCH_BENT,
-                _CURVED,
-                _NOTHING,
-                _STIFF,
-                _DOUBLINGS,
-                work=address(self._work),
-            )
+            functions = (self._equations.in_c(i) for i in range(4))
+            sizes = n_x, asked.traced.u.numel(), n_y, n, n_f
+            ways = steps.halvings, steps.each, _FINER, _DEEPER
+            at, work = (self._kept.ctypes.data, address(self._scale)), address(self._work)
+            numbers = (sample_time, OUTLIER_SIGMA, *_NUMBERS.values())
+            self._struct = _Struct(*functions, *sizes, *ways, *at, *numbers, _DOUBLINGS, work=work)
 
     def run(
         self,

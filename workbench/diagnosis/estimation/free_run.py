@@ -12,7 +12,6 @@ from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
-from workbench.model.model import index_of
 from workbench.model.units import in_time
 from workbench.simulation import simulate
 from workbench.simulation.stepper import Stepper
@@ -77,7 +76,6 @@ class FreeRun:
         return dict(zip(self.used, np.nanstd(self.measured, axis=0).tolist(), strict=True))
 
     def __str__(self) -> str:
-        """Return a short aligned table."""
         lines = [f"free run on {self.name}" + (f": {self.failure}" if self.failure else "")]
         lines += [
             f"  {name:<20} rmse {self.rmse[name]:<12.4g} {unit}"
@@ -98,7 +96,6 @@ def free_run(model: Model, observed: Observed, *, values: npt.ArrayLike | None =
         The run beside the measurements. A run that the integrator gives up is returned with the
         reason, because a model that diverges is a result.
     """
-    rows = [index_of("output", name, model.outputs) for name in observed.used]
     inputs = clipped(model, observed)
     try:
         simulated = simulate(
@@ -109,7 +106,7 @@ def free_run(model: Model, observed: Observed, *, values: npt.ArrayLike | None =
             tolerance=_TOLERANCE,
             values=values,
             check=False,
-        ).outputs[:, rows]
+        ).outputs[:, observed.rows(model)]
     except NumericalError as error:
         return run_along(model, observed, failure=str(error))
     return run_along(model, observed, simulated)
@@ -127,7 +124,6 @@ def free_runs(
         values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
     """
     first = recordings[0]
-    rows = [index_of("output", name, model.outputs) for name in first.used]
     stepper = Stepper(model, first.sample_time, _TOLERANCE, values=values)
     held, states = [], []
     for seen in recordings:
@@ -136,7 +132,7 @@ def free_runs(
         states.append(np.vstack([start, stepper.run_as_far(start, inputs[:-1])]))
         held.append(inputs[: len(states[-1])])
     at = np.concatenate(states), np.concatenate(held)
-    outputs = read_outputs(model, *at, values=stepper.parameters)[:, rows]
+    outputs = read_outputs(model, *at, values=stepper.parameters)[:, first.rows(model)]
     parts = np.split(outputs, np.cumsum([len(x) for x in states])[:-1])
     return [
         run_along(model, seen, simulated)
@@ -166,7 +162,7 @@ def run_along(
         simulated: What it would read, shape (n, n_used), in SI; None if it could not be begun.
         window: Length of its windows, in s.
     """
-    units = tuple(model.outputs[index_of("output", n, model.outputs)].unit for n in observed.used)
+    units = tuple(model.outputs[i].unit for i in observed.rows(model))
     read = np.full_like(observed.outputs, np.nan) if simulated is None else simulated
     name, used = observed.name, observed.used
     return FreeRun(name, used, units, observed.time, observed.outputs, read, failure, window)

@@ -122,6 +122,10 @@ class Observed:
         """Return some samples of the recording, with the start that it has."""
         return replace(self, inputs=self.inputs[rows], outputs=self.outputs[rows])
 
+    def rows(self, model: Model) -> list[int]:
+        """Return the places of its measurements among the outputs of a model."""
+        return [index_of("output", name, model.outputs) for name in self.used]
+
     @cached_property
     def told(self) -> Vector:
         """Measurements of which each tells something new, shape (n, n_used), in SI; others NaN."""
@@ -173,7 +177,6 @@ class Observed:
         return self.growth * self.sample_time * len(self.outputs) > _LOST
 
     def __post_init__(self) -> None:
-        """Check the shapes."""
         if len(self.inputs) != len(self.outputs) or self.outputs.shape[1] != len(self.used):
             raise WorkbenchError(
                 f"recording {self.name!r} has inputs of shape {self.inputs.shape} and outputs of"
@@ -230,9 +233,8 @@ class PredictionError:
     absent: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Look the names up and build the filter."""
         model = self.model
-        self._rows = tuple(index_of("output", name, model.outputs) for name in self.like.used)
+        self._rows = tuple(self.like.rows(model))
         self._columns = tuple(index_of("parameter", name, model.parameters) for name in self.free)
         self.state_scale = np.array([q.scale for q in model.states])
         self.free_scale = np.array([model.parameters[i].scale for i in self._columns])
@@ -358,7 +360,7 @@ def steps_along(model: Model, observed: Observed) -> Steps:
     if not model.states:
         return Steps(0, 1)
     rng = np.random.default_rng(0)
-    rows = [index_of("output", name, model.outputs) for name in observed.used]
+    rows = observed.rows(model)
     scale = np.array([q.scale for q in model.states])
     within = [q.lower for q in model.states], [q.upper for q in model.states]
     noise = np.maximum(observed.noise_rms, 1e-6 * np.array([model.outputs[i].scale for i in rows]))

@@ -21,9 +21,8 @@ from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.refit import ENOUGH, refit
 from workbench.diagnosis.estimation.refit_result import Refit
 from workbench.errors import NumericalError
-from workbench.model import Model
+from workbench.model import Effect, Model
 from workbench.model.expressions import cofactor, terms
-from workbench.model.model import index_of
 from workbench.physics.recorded_facts import argument_of, end_of, term_of
 from workbench.physics.survey import Survey
 from workbench.recordings.checks.clipping import clipped_samples
@@ -92,8 +91,10 @@ def extended_start(observed: Observed, model: Model, extended: Model) -> Observe
     own = {q.name: dict(q.start_in) for q in extended.states}
     given |= {name: at[observed.name] for name, at in own.items() if observed.name in at}
     start = extended.initial_state(given, u=observed.inputs[0])
-    reopened = _misread(model, extended, observed, start)
-    apart = _remembered(model, extended, observed)
+    attached = {effect.name for effect in model.effects}
+    new = [effect for effect in extended.effects if effect.name not in attached]
+    reopened = _misread(new, extended, observed, start)
+    apart = _remembered(new, model, observed)
     known = {
         q.name: max(r, q.start_rms or q.scale) if q.name in reopened else math.hypot(r, away)
         for q, r, away in zip(model.states, observed.start_rms, apart, strict=True)
@@ -101,7 +102,7 @@ def extended_start(observed: Observed, model: Model, extended: Model) -> Observe
     rms = np.array(
         [known.get(q.name, q.start_rms or _UNKNOWN_START * q.scale) for q in extended.states]
     )
-    moved = _read_late(model, extended, observed.sample_time)
+    moved = _read_late(new, extended, observed.sample_time)
     return replace(observed.moved_ahead(moved) if moved else observed, start=start, start_rms=rms)
 
 
@@ -111,24 +112,21 @@ def as_it_reads(model: Model) -> Model:
     return model.with_parameters(dict.fromkeys(moved, 0.0))
 
 
-def _read_late(model: Model, extended: Model, interval: float) -> dict[str, int]:
+def _read_late(new: Sequence[Effect], extended: Model, interval: float) -> dict[str, int]:
     """Return by how many samples attached effects move measurements ahead, by output."""
-    attached = {effect.name for effect in model.effects}
     return {
         effect.ports[0].removesuffix(".reading"): round(ahead / interval)
-        for effect in extended.effects
-        if effect.name not in attached and effect.about.advance
+        for effect in new
+        if effect.about.advance
         if (ahead := extended.parameter(f"{effect.name}.{effect.about.advance}").value) > 0.0
     }
 
 
-def _misread(model: Model, extended: Model, observed: Observed, start: Vector) -> set[str]:
+def _misread(new: Sequence[Effect], extended: Model, observed: Observed, start: Vector) -> set[str]:
     """Return the states whose first measurements attached effects may shift beyond the noise."""
-    attached = {effect.name for effect in model.effects}
-    own = [e for e in extended.effects if e.name not in attached]
-    mine = {f"{e.name}.{q.name}" for e in own for q in e.parameters if q.fitted}
+    mine = {f"{e.name}.{q.name}" for e in new for q in e.parameters if q.fitted}
     columns = [i for i, q in enumerate(extended.parameters) if q.name in mine]
-    rows = [index_of("output", name, extended.outputs) for name in observed.used]
+    rows = observed.rows(extended)
     trace = extended.exact
     slopes = ca.jacobian(trace.outputs[rows], trace.p)[:, columns]
     if not slopes.nnz():
@@ -143,14 +141,9 @@ def _misread(model: Model, extended: Model, observed: Observed, start: Vector) -
     return {q.name for i, q in enumerate(extended.states) if np.any(read[:, i] != 0.0)}
 
 
-def _remembered(model: Model, extended: Model, observed: Observed) -> Vector:
+def _remembered(new: Sequence[Effect], model: Model, observed: Observed) -> Vector:
     """Return how far each state may be from what attached slow sensors remember, in its unit."""
-    attached = {effect.name for effect in model.effects}
-    kept = {
-        effect.ports[0]: max(q.start_rms for q in effect.states)
-        for effect in extended.effects
-        if effect.states and effect.name not in attached
-    }
+    kept = {e.ports[0]: max(q.start_rms for q in e.states) for e in new if e.states}
     apart = np.array([kept.get(f"{q.name}.reading", 0.0) for q in model.outputs])
     if not apart.any():
         return np.zeros(len(model.states))
@@ -298,6 +291,8 @@ def ranges_along(
     for port in trace.ports:
         added = terms(values_of[port.name])
         told |= {term_of(port.name, k): e for k, e in enumerate(added) if len(added) > 1}
+    moving = (q.name for q in (*model.states, *model.inputs))
+    names = (*trace.signal_names, *moving, *told)
     seen: dict[str, list[Vector]] = {}
     for observed in recordings:
         filter_ = filter_of(model, observed, fit.noise_scale)
@@ -305,10 +300,8 @@ def ranges_along(
         states = filter_.run(observed, model.values).states[::every]
         along = trace.signals, ca.vcat([*told.values()] or [ca.SX(0, 1)])
         signals, own = trace.along(states, observed.inputs[::every], model.values, *along)
-        named = dict(zip(trace.signal_names, signals[:, :, 0].T, strict=True))
-        named |= dict(zip((q.name for q in model.states), states.T, strict=True))
-        named |= dict(zip((q.name for q in model.inputs), observed.inputs[::every].T, strict=True))
-        named |= dict(zip(told, own[:, :, 0].T, strict=True))
+        columns = *signals[:, :, 0].T, *states.T, *observed.inputs[::every].T, *own[:, :, 0].T
+        named = dict(zip(names, columns, strict=True))
         named |= {name: q.ratio * named[q.source] - named[q.minus] for name, q in apart.items()}
         for name, column in zip(observed.used, observed.outputs.T, strict=True):
             named[f"{name}.reading"] = column
@@ -365,7 +358,7 @@ def perfect_cost(model: Model, recordings: Sequence[Observed]) -> float:
                 used = np.isfinite(part.log_deviation)
                 total += float(np.sum(0.5 + part.log_deviation[used]))
                 continue
-        scale = [model.outputs[index_of("output", k, model.outputs)].scale for k in observed.used]
+        scale = [model.outputs[i].scale for i in observed.rows(model)]
         logs = 0.5 + np.log(np.maximum(observed.white_noise_rms / scale, 1e-12))
         total += float(np.sum(logs[np.isfinite(observed.told)]))
         total += max(observed.growth, 0.0) * observed.sample_time * len(logs)

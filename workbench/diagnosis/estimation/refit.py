@@ -199,10 +199,9 @@ class _Problem:
 
     def __init__(self, priors: Sequence[Prior], scale: Vector) -> None:
         self._scale = scale
-        self._mean = np.array([p.mean for p in priors])
-        self._std = np.array([p.std for p in priors])
-        self._lower = np.array([p.lower for p in priors])
-        self._upper = np.array([p.upper for p in priors])
+        self._mean, self._std, self._lower, self._upper = (
+            np.array([getattr(p, of) for p in priors]) for of in ("mean", "std", "lower", "upper")
+        )
 
     def prior_cost(self, values: Vector) -> float:
         return 0.5 * float(np.sum(((values - self._mean) / self._std) ** 2))

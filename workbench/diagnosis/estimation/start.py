@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -142,6 +142,29 @@ def likely_start(
     return best
 
 
+def slopes_within(
+    function: Callable[[Vector], Vector],
+    x: Vector,
+    here: Vector,
+    step: float | Vector,
+    high: Vector,
+) -> Vector:
+    """Return the slopes of a function by one-sided differences, none of them across a limit.
+
+    Args:
+        x: Where they are taken, shape (n,), in any unit.
+        here: What the function is there, shape (m,), in any unit.
+        step: How far it is moved, in the unit of x.
+        high: Largest x, shape (n,), in its unit.
+
+    Returns:
+        Shape (m, n).
+    """
+    steps = np.where(x + step > high, -step, step)
+    moved = (function(x + np.where(np.arange(len(x)) == i, steps, 0.0)) for i in range(len(x)))
+    return np.column_stack([(there - here) / h for there, h in zip(moved, steps, strict=True)])
+
+
 def fitted_start(model: Model, observed: Observed, *, samples: int) -> Observed:
     """Estimate the start of a recording so that a free run meets its first measurements.
 
@@ -160,10 +183,9 @@ def fitted_start(model: Model, observed: Observed, *, samples: int) -> Observed:
     if not observed.start.size:
         return observed
     first = observed.part(slice(count))
-    low = np.array([q.lower for q in model.states])[: len(observed.start)]
-    high = np.array([q.upper for q in model.states])[: len(observed.start)]
-    least = 1e-12 * np.array([q.scale for q in model.states])[: len(observed.start)]
-    rms = np.maximum(observed.start_rms, least)
+    own = model.states[: len(observed.start)]
+    low, high = np.array([(q.lower, q.upper) for q in own]).T
+    rms = np.maximum(observed.start_rms, [1e-12 * q.scale for q in own])
 
     def misfit(x: Vector) -> Vector:
         run = free_run(model, replace(first, start=x))
@@ -173,26 +195,16 @@ def fitted_start(model: Model, observed: Observed, *, samples: int) -> Observed:
     x, damping = observed.start.astype(float), 1e-3
     e = misfit(x)
     for _ in range(_ITERATIONS):
-        step = 1e-3 * rms
-        # One-sided differences: a start on its limit must not be stepped across it.
-        sides = np.where(x + step > high, -step, step)
-        jacobian = np.column_stack(
-            [
-                (misfit(x + np.where(np.arange(len(x)) == i, sides, 0.0)) - e) / sides[i]
-                for i in range(len(x))
-            ]
-        )
+        jacobian = slopes_within(misfit, x, e, 1e-3 * rms, high)
         normal = jacobian.T @ jacobian
-        moved = False
         for _ in range(5):
             damped = normal + damping * np.diag(np.diag(normal))
             trial = np.clip(x - np.linalg.solve(damped, jacobian.T @ e), low, high)
             trial_e = misfit(trial)
             if trial_e @ trial_e < e @ e:
-                moved = True
                 break
             damping *= 10
-        if not moved:
+        else:
             break
         gained = e @ e - trial_e @ trial_e
         x, e, damping = trial, trial_e, max(damping / 10, 1e-9)

@@ -16,8 +16,7 @@ import numpy.typing as npt
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.errors import NumericalError, WorkbenchError
-from workbench.model import Model
-from workbench.model.model import index_of
+from workbench.model import Input, Model, Output
 from workbench.model.units import from_si, in_time, shown_unit, with_unit
 from workbench.simulation import simulate
 from workbench.simulation.stepper import Stepper
@@ -146,7 +145,7 @@ class _Plan:
         self.ends = np.where(
             one_sided, np.sort([0.0 * self.sign, self.sign], axis=0), [[-1.0], [1.0]]
         )
-        self.rows = [index_of("output", name, model.outputs) for name in first.used]
+        self.rows = first.rows(model)
         outputs = np.concatenate([r.outputs for r in recordings])
         self.low, self.high = self._limits(outputs)
         self.limits = [q.lower for q in model.inputs], [q.upper for q in model.inputs]
@@ -186,15 +185,19 @@ class _Plan:
                 low, high = self.rest[channel] + size * self.ends[:, channel]
                 if low < q.lower or high > q.upper:
                     continue
-                ends = [f"{from_si(x, q.display_unit):.3g}" for x in (low, high)]
-                between = f"between {ends[0]} and {with_unit(ends[1], q.display_unit)}"
                 for words, shape in self._shapes():
                     inputs = np.tile(self.rest, (self.n, 1))
                     inputs[:, channel] = low + 0.5 * (high - low) * (1.0 + shape)
-                    text = f"{words} of {q.name} {between}, for {in_time(self.duration)}"
+                    text = f"{words} of {self._between(q, low, high)}"
                     made.append(Experiment(text, self.sample_time, inputs))
         rest = np.tile(self.rest, (self.n, 1))
         return [*made, Experiment(self._resting(), self.sample_time, rest)]
+
+    def _between(self, q: Input | Output, low: float, high: float) -> str:
+        """Say what moves between which ends, and how long."""
+        ends = [f"{from_si(x, q.display_unit):.3g}" for x in (low, high)]
+        between = f"between {ends[0]} and {with_unit(ends[1], q.display_unit)}"
+        return f"{q.name} {between}, for {in_time(self.duration)}"
 
     def _resting(self) -> str:
         """Say what stays as it is."""
@@ -258,11 +261,9 @@ class _Plan:
             if read is None:
                 continue
             # What the loop reaches, which is less than what it is asked for.
-            ends = [from_si(f(read[:, self.rows[0]]), q.display_unit) for f in (np.min, np.max)]
-            text = (
-                f"in closed loop, {words} of {q.name} between {ends[0]:.3g} and"
-                f" {with_unit(f'{ends[1]:.3g}', q.display_unit)}, for {in_time(self.duration)}"
-            )
+            moved = read[:, self.rows[0]]
+            between = self._between(q, float(np.min(moved)), float(np.max(moved)))
+            text = f"in closed loop, {words} of {between}"
             made.append(replace(unread, text=text, planned=(self.model, read)))
         return made
 

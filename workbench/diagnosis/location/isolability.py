@@ -18,7 +18,7 @@ from workbench.arrays import Complex, Vector
 from workbench.diagnosis.location.structure import Cut, Structure, cut, structure_of
 from workbench.errors import check_choice
 from workbench.linearisation.transfer import transfer_function
-from workbench.model import Model
+from workbench.model import Input, Model, State
 from workbench.recordings.checks.expected import middle_speed
 
 FREQUENCIES = (0.01, 0.1, 1.0, 10.0)
@@ -150,17 +150,14 @@ def _port_values(parts: Cut) -> ca.SX:
 
 
 def _points(parts: Cut) -> list[tuple[Vector, Vector]]:
-    rng = np.random.default_rng(0)
-    model = parts.model
-    points = []
+    rng, model = np.random.default_rng(0), parts.model
     start, rest = model.initial_state(), model.nominal_input
-    for _ in range(_POINTS):
-        x = start + rng.uniform(-_REACH, _REACH, len(start)) * [q.scale for q in model.states]
-        u = rest + rng.uniform(-_REACH, _REACH, len(rest)) * [q.scale for q in model.inputs]
-        x = np.clip(x, [q.lower for q in model.states], [q.upper for q in model.states])
-        u = np.clip(u, [q.lower for q in model.inputs], [q.upper for q in model.inputs])
-        points.append((x, u))
-    return points
+
+    def near(values: Vector, own: Sequence[State | Input]) -> Vector:
+        moved = values + rng.uniform(-_REACH, _REACH, len(values)) * [q.scale for q in own]
+        return np.clip(moved, [q.lower for q in own], [q.upper for q in own])
+
+    return [(near(start, model.states), near(rest, model.inputs)) for _ in range(_POINTS)]
 
 
 Groups = tuple[tuple[str, ...], ...]
@@ -195,7 +192,6 @@ class Sensor:
         return f"{self.signal} (as it enters)" if self.before else self.signal
 
     def __str__(self) -> str:
-        """Return one line."""
         splits = "; ".join(" | ".join(", ".join(part) for part in parts) for parts in self.splits)
         return f"{self.text} splits {splits}"
 
@@ -251,7 +247,6 @@ class Isolability:
         return tuple(sorted(found.values(), key=lambda s: -s.gained))
 
     def __str__(self) -> str:
-        """Return an aligned table of groups."""
         width = 60
         lines = [
             f"{self.model} with {', '.join(self.outputs)}: groups of ports that can be told apart",

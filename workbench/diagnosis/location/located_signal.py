@@ -83,7 +83,7 @@ def prediction_error_signal(diagnosis: Diagnosis, recordings: Sequence[Observed]
     runs = filter_of(model, first, base.noise_scale).along(started, model.values)
     square = np.concatenate([np.nan_to_num(run.whitened) ** 2 for run in runs])
     worst = int(np.argmax(square.mean(axis=0)))
-    output = model.outputs[index_of("output", first.used[worst], model.outputs)]
+    output = model.outputs[first.rows(model)[worst]]
     if np.max(square) > AWAY**2:
         raise NumericalError("the predictions of the refitted model run away")
     parts = []
@@ -185,7 +185,6 @@ def _missing(
         std,
         None,
         argument,
-        recordings=tuple(name for name, _ in times),
         occurrence=occurrence(port, unit, times, *told, local, shown),
         shown=shown,
     )
@@ -363,7 +362,7 @@ def added_at_ports(
         return np.asarray(present - gone)
     trace, full = model.exact, extended.exact
     either = extended.values, extended.with_parameters(absent).values
-    rows = [index_of("output", name, model.outputs) for name in observed.used]
+    rows = observed.rows(model)
     there = [[q.name for q in model.ports].index(name) for name in missing.ports]
     by_rate, by_read = trace.along(
         missing.states,

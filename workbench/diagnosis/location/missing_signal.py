@@ -169,7 +169,6 @@ class Occurrence:
         )
 
     def __str__(self) -> str:
-        """Return it as a sentence."""
         return self.sentence()
 
     def as_data(self) -> dict[str, Any]:
@@ -206,7 +205,6 @@ class MissingSignal:
     law: Vector | None
     argument: LocalSignal
     explained: float = math.nan
-    recordings: tuple[str, ...] = ()
     law_name: str = "the effect that was found"
     occurrence: Occurrence | None = None
     shown: str = ""
@@ -316,10 +314,9 @@ def _place(
 ) -> Place:
     """Find the values of a local signal at which a signal is strong."""
     x, y = local.values[rows], square[rows]
-    edges = np.unique(np.quantile(x, np.linspace(0, 1, BINS + 1)[1:-1]))
-    which = np.searchsorted(edges, x)
-    count = np.bincount(which, minlength=len(edges) + 1)
-    level = np.bincount(which, weights=y, minlength=len(count)) / np.maximum(count, 1)
+    which = _classes(x)
+    count = np.bincount(which)
+    level = np.bincount(which, weights=y) / np.maximum(count, 1)
     low, high = np.full(len(count), np.inf), np.full(len(count), -np.inf)
     np.minimum.at(low, which, x)
     np.maximum.at(high, which, x)
@@ -344,6 +341,12 @@ def _place(
     )
 
 
+def _classes(values: Vector) -> npt.NDArray[np.intp]:
+    """Return the number of the class of each value, of `BINS` with equally many samples."""
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)[1:-1]))
+    return np.searchsorted(edges, values)
+
+
 def correlation_ratio(signal: Vector, argument: Vector) -> float:
     """Return which share of a signal's variance is a function of an argument.
 
@@ -355,8 +358,7 @@ def correlation_ratio(signal: Vector, argument: Vector) -> float:
         0 for no dependence to 1 for a function, dimensionless.
     """
     variance = float(np.var(signal))
-    edges = np.unique(np.quantile(argument, np.linspace(0, 1, BINS + 1)[1:-1]))
-    which = np.searchsorted(edges, argument)
+    which = _classes(argument)
     count = np.bincount(which)
     # What varies by rounding alone is a constant, and goes with nothing.
     if variance <= _CONSTANT**2 * float(np.mean(signal**2)) or np.count_nonzero(count) < 2:

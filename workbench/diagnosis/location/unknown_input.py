@@ -24,7 +24,6 @@ from workbench.diagnosis.estimation.prediction_error import (
 )
 from workbench.errors import NumericalError, check_choice
 from workbench.model import Model
-from workbench.model.model import index_of
 
 TRUSTED = 0.1
 """Share of the expected disturbance that is left to the other ports."""
@@ -78,17 +77,14 @@ def unknown_input(model: Model, observed: Observed, ports: Sequence[str]) -> Unk
         check_choice("port", name, known)
     chosen = [known[name] for name in ports]
     every = max(1, -(-len(observed.inputs) // _MOST_STEPS))
-    grid = np.arange(0, len(observed.inputs), every)
-    problem = _Linearised(model, observed, chosen, every)
+    smoother = _Smoother(model, observed, chosen, every)
+    grid, scale = smoother.grid, smoother.port_scale
     states = _filtered(model, observed, ports)[grid]
-    signal = np.zeros((len(grid), len(chosen)))
-    scale = np.array([model.ports[i].scale for i in chosen])
-    rms: Vector = 0.1 * scale
+    signal, rms = np.zeros((len(grid), len(chosen))), 0.1 * scale
     for _ in range(_PASSES):
         # What leaves the finite numbers is said in words.
         with np.errstate(over="ignore", invalid="ignore"):
-            around = problem.around(states, signal)
-            states, signal, std = _smooth(around, rms, states, signal)
+            states, signal, std = smoother.smoothed(states, signal, rms)
             rms = np.maximum(np.sqrt(np.mean(signal**2 + std**2, axis=0)), 1e-12 * scale)
         if not (np.isfinite(states).all() and np.isfinite(rms).all()):
             raise NumericalError(
@@ -114,33 +110,16 @@ def _filtered(model: Model, observed: Observed, ports: Sequence[str]) -> Vector:
     return filter_.run(observed, model.values).states
 
 
-@dataclass(frozen=True)
-class _Linear:
-    """Linear equations about an estimate, state and unknown input stacked and scaled.
-
-    ``transition`` and ``offset`` carry one time to the next, ``slope`` and ``error`` give the
-    whitened measurements, ``noise`` is the covariance that one step adds to the states.
-    """
-
-    transition: Vector
-    offset: Vector
-    slope: Vector
-    error: Vector
-    noise: Vector
-    start: Vector
-    start_rms: Vector
-    step: float
-    state_scale: Vector
-    port_scale: Vector
-
-
-class _Linearised:
-    """The equations of a model along a recording, ready to be linearised."""
+class _Smoother:
+    """A smoother of state and unknown input, stacked and scaled, along a recording."""
 
     def __init__(self, model: Model, observed: Observed, ports: list[int], every: int) -> None:
         self.model, self.observed, self.ports, self.every = model, observed, ports, every
+        self.grid = np.arange(0, len(observed.inputs), every)
+        self.state_scale = np.array([q.scale for q in model.states])
+        self.port_scale = np.array([model.ports[i].scale for i in ports])
         trace = model.exact
-        rows = [index_of("output", name, model.outputs) for name in observed.used]
+        rows = observed.rows(model)
         push = ca.SX.sym("push", len(ports))
         full = ca.SX.zeros(len(trace.ports))
         full[ports] = push
@@ -166,14 +145,65 @@ class _Linearised:
             {"cse": True},
         )
 
-    def around(self, states: Vector, signal: Vector) -> _Linear:
-        """Linearise about an estimate."""
-        model, seen, every = self.model, self.observed, self.every
+    def smoothed(self, states: Vector, signal: Vector, rms: Vector) -> tuple[Vector, ...]:
+        """Filter forwards about an estimate, smooth backwards: states, signal and its deviation.
+
+        Modified Bryson-Frazier: no covariance is inverted.
+        """
+        transition, offset, slope, error, noise = self._around(states, signal)
+        n, n_x = states.shape
+        size = n_x + signal.shape[1]
+        decay = transition[0, n_x, n_x]
+        level = (rms / self.port_scale) ** 2
+        added = np.zeros((n, size, size))
+        added[:, :n_x, :n_x] = noise
+        added[:, range(n_x, size), range(n_x, size)] = (1 - decay**2) * level
+        mean = np.concatenate([self.observed.start / self.state_scale, np.zeros(len(level))])
+        start_rms = self.observed.start_rms / self.state_scale
+        covariance = np.diag(np.concatenate([start_rms**2, level]))
+        means, covariances = np.empty((n, size)), np.empty((n, size, size))
+        kept, gains = np.empty((n, size, size)), np.empty((n, size))
+        weights = np.empty((n, size, size))
+        identity, unit = np.eye(size), np.eye(slope.shape[1])
+        for k in range(n):
+            h, f = slope[k], transition[k]
+            innovation = error[k] - h @ mean
+            inverse = np.linalg.inv(h @ covariance @ h.T + unit)
+            gain = covariance @ h.T @ inverse
+            kept[k] = identity - gain @ h
+            gains[k] = h.T @ (inverse @ innovation)
+            weights[k] = h.T @ inverse @ h
+            mean, covariance = mean + gain @ innovation, kept[k] @ covariance
+            covariance = 0.5 * (covariance + covariance.T)
+            means[k], covariances[k] = mean, covariance
+            mean = f @ mean + offset[k]
+            covariance = f @ covariance @ f.T + added[k]
+        adjoint, information = np.zeros(size), np.zeros((size, size))
+        for k in range(n - 1, -1, -1):
+            before = covariances[k]
+            means[k] -= before @ adjoint
+            covariances[k] = before - before @ information @ before
+            f = transition[k - 1]
+            adjoint = f.T @ (kept[k].T @ adjoint - gains[k])
+            information = f.T @ (weights[k] + kept[k].T @ information @ kept[k]) @ f
+        variance = np.maximum(covariances[:, range(n_x, size), range(n_x, size)], 0.0)
+        return (
+            means[:, :n_x] * self.state_scale,
+            means[:, n_x:] * self.port_scale,
+            np.sqrt(variance) * self.port_scale,
+        )
+
+    def _around(self, states: Vector, signal: Vector) -> tuple[Vector, ...]:
+        """Linearise about an estimate.
+
+        Returns:
+            Transition and offset, which carry one time to the next; slope and error of the whitened
+            measurements; and the covariance that one step adds to the states.
+        """
+        seen, every, grid = self.observed, self.every, self.grid
+        sx, sd = self.state_scale, self.port_scale
         n, n_x, n_d = len(states), states.shape[1], signal.shape[1]
-        sx = np.array([q.scale for q in model.states])
-        sd = np.array([model.ports[i].scale for i in self.ports])
-        grid = np.arange(0, len(seen.inputs), every)
-        p = np.tile(model.values[:, None], (1, n))
+        p = np.tile(self.model.values[:, None], (1, n))
 
         def told(function: ca.Function, *values: Vector) -> list[Vector]:
             found = [np.asarray(result) for result in function.map(n)(*values)]
@@ -201,18 +231,8 @@ class _Linearised:
         measured = np.nan_to_num(seen.outputs[grid])
         error = (measured - read[:, :, 0]) / noise_rms
         error += np.einsum("kij,kj->ki", slope, estimate)
-        return _Linear(
-            transition,
-            offset,
-            slope,
-            error,
-            self._noise(by_port, at_port[:, :, 0], step) / np.outer(sx, sx),
-            np.concatenate([seen.start / sx, np.zeros(n_d)]),
-            seen.start_rms / sx,
-            step,
-            sx,
-            sd,
-        )
+        noise = self._noise(by_port, at_port[:, :, 0], step) / np.outer(sx, sx)
+        return transition, offset, slope, error, noise
 
     def _noise(self, by_port: Vector, at_port: Vector, step: float) -> Vector:
         """Covariance that what is left out at the other ports adds in one step."""
@@ -235,48 +255,3 @@ class _Linearised:
             given = np.vstack([seen.inputs[rows].T, p, signal.T])
             x = self._step.map(n)(x, given, np.full((1, n), seen.sample_time))
         return np.asarray(x).T
-
-
-def _smooth(
-    linear: _Linear, rms: Vector, states: Vector, signal: Vector
-) -> tuple[Vector, Vector, Vector]:
-    """Filter forwards, smooth backwards (modified Bryson-Frazier: no covariance is inverted)."""
-    n, n_x = states.shape
-    size = n_x + signal.shape[1]
-    decay = linear.transition[0, n_x, n_x]
-    level = (rms / linear.port_scale) ** 2
-    added = np.zeros((n, size, size))
-    added[:, :n_x, :n_x] = linear.noise
-    added[:, range(n_x, size), range(n_x, size)] = (1 - decay**2) * level
-    mean, covariance = linear.start, np.diag(np.concatenate([linear.start_rms**2, level]))
-    means, covariances = np.empty((n, size)), np.empty((n, size, size))
-    kept, gains = np.empty((n, size, size)), np.empty((n, size))
-    weights = np.empty((n, size, size))
-    identity, unit = np.eye(size), np.eye(linear.slope.shape[1])
-    for k in range(n):
-        h, f = linear.slope[k], linear.transition[k]
-        innovation = linear.error[k] - h @ mean
-        inverse = np.linalg.inv(h @ covariance @ h.T + unit)
-        gain = covariance @ h.T @ inverse
-        kept[k] = identity - gain @ h
-        gains[k] = h.T @ (inverse @ innovation)
-        weights[k] = h.T @ inverse @ h
-        mean, covariance = mean + gain @ innovation, kept[k] @ covariance
-        covariance = 0.5 * (covariance + covariance.T)
-        means[k], covariances[k] = mean, covariance
-        mean = f @ mean + linear.offset[k]
-        covariance = f @ covariance @ f.T + added[k]
-    adjoint, information = np.zeros(size), np.zeros((size, size))
-    for k in range(n - 1, -1, -1):
-        before = covariances[k]
-        means[k] -= before @ adjoint
-        covariances[k] = before - before @ information @ before
-        f = linear.transition[k - 1]
-        adjoint = f.T @ (kept[k].T @ adjoint - gains[k])
-        information = f.T @ (weights[k] + kept[k].T @ information @ kept[k]) @ f
-    variance = np.maximum(covariances[:, range(n_x, size), range(n_x, size)], 0.0)
-    return (
-        means[:, :n_x] * linear.state_scale,
-        means[:, n_x:] * linear.port_scale,
-        np.sqrt(variance) * linear.port_scale,
-    )

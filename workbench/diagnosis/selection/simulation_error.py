@@ -19,6 +19,7 @@ from workbench.diagnosis.estimation.free_run import free_runs
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import guesses
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
+from workbench.diagnosis.estimation.start import slopes_within
 from workbench.diagnosis.selection.held_out import pieces, run_errors
 from workbench.diagnosis.selection.rules import IMPERFECT
 from workbench.model import Model
@@ -143,10 +144,7 @@ def _refitted(fit: ProcessNoiseFit, begun: Sequence[Observed], loss: str) -> Pro
         return np.concatenate([share * np.concatenate(found), (x - mean) / std])
 
     def slopes(x: Vector) -> Vector:
-        here = residual(x)
-        steps = np.where(x + _STEP > high, -_STEP, _STEP)
-        moved = (residual(x + np.where(np.arange(len(x)) == i, steps, 0.0)) for i in range(len(x)))
-        return np.column_stack([(r - here) / h for r, h in zip(moved, steps, strict=True)])
+        return slopes_within(residual, x, residual(x), _STEP, high)
 
     typical = float(np.median(np.abs(residual(x0)[: -len(x0)]))) or 1.0
     found = least_squares(
