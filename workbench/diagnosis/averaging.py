@@ -85,10 +85,11 @@ def averaged(
     return replace(model, outputs=outputs), [r for r in made if r is not None], note
 
 
-def _run(model: Model, recording: Recording) -> Trajectory:
+def _run(model: Model, recording: Recording, start: Vector | None = None) -> Trajectory:
+    """Run a model along a recording, from the start that it shows if none is given."""
     seen = observe(model, recording)
-    step = seen.sample_time
-    return simulate(model, seen.inputs, sample_time=step, start=seen.start, check=False)
+    begin, step = seen.start if start is None else start, seen.sample_time
+    return simulate(model, seen.inputs, sample_time=step, start=begin, check=False)
 
 
 def _readings(
@@ -101,10 +102,7 @@ def _readings(
 ) -> Recording | None:
     """Return a recording with a row for each ``count``; None if too many are no readings."""
     made = _fewer(recording, coarse, count)
-    seen = observe(model, made)
-    means = simulate(
-        model, seen.inputs, sample_time=seen.sample_time, start=run.states[count // 2], check=False
-    )
+    means = _run(model, made, run.states[count // 2])
     for name, floor in noise.items():
         signal = recording.signal(name)
         whole = recording.with_signal(replace(signal, values=run[name]))

@@ -13,7 +13,6 @@ from workbench.diagnosis.location.isolability import Isolability, isolability
 from workbench.diagnosis.location.locate import groups_of
 from workbench.diagnosis.location.missing_signal import MissingSignal
 from workbench.diagnosis.stages import Diagnosis
-from workbench.model.model import index_of
 from workbench.model.units import of_difference, parse_unit
 
 _NOTHING_LEFT = ("nothing_missing", "parameter")
@@ -104,16 +103,12 @@ def error_rows(diagnosis: Diagnosis) -> tuple[ErrorRow, ...]:
     noise = verdict.fit.get("noise_floor", {}) if verdict else {}
     labels = [label for label, runs in diagnosis.runs.items() if runs]
     first = list(diagnosis.runs[labels[0]].values()) if labels else []
+    errors = {k: rms_of([run.rmse for run in diagnosis.runs[k].values()]) for k in labels}
+    units = {q.name: of_difference(q.display_unit) for q in diagnosis.nominal.outputs}
     rows = []
     for i, name in enumerate(first[0].used if first else ()):
         spread = float(np.nanstd(np.concatenate([run.measured[:, i] for run in first])))
-        rmse = {
-            label: rms_of([run.rmse for run in diagnosis.runs[label].values()])[name]
-            for label in labels
-        }
-        outputs = diagnosis.nominal.outputs
-        unit = of_difference(outputs[index_of("output", name, outputs)].display_unit)
-        size = parse_unit(unit).factor
-        read = {label: rms / size for label, rms in rmse.items()}
+        unit, size = units[name], parse_unit(units[name]).factor
+        read = {label: rms[name] / size for label, rms in errors.items()}
         rows.append(ErrorRow(name, unit, spread / size, noise.get(name, math.nan) / size, read))
     return tuple(rows)

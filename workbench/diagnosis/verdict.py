@@ -204,7 +204,6 @@ class Verdict(Shown):
         )
 
     def __str__(self) -> str:
-        """Return the verdict, its findings and the held-out errors as a short aligned table."""
         lines = [f"{self.kind}: {self.sentence}"]
         for finding in self.findings:
             if finding.sentence not in self.sentence:

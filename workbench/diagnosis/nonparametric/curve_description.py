@@ -28,7 +28,6 @@ class Term:
     frequency: float
 
     def __str__(self) -> str:
-        """Return the term with its frequency."""
         return f"{self.name} ({100 * self.frequency:.0f} %)"
 
 

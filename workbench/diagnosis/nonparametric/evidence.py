@@ -42,10 +42,10 @@ def gather(
     """
     parts = [unknown_input(model, observed, ports) for observed in recordings]
     every = max(1, sum(len(part.time) for part in parts) // _ROWS)
-    x = np.concatenate([part.states[::every] for part in parts])
-    u = np.concatenate([part.inputs[::every] for part in parts])
-    signal = np.concatenate([part.signal[::every] for part in parts])
-    std = np.concatenate([part.std[::every] for part in parts])
+    x, u, signal, std, time = (
+        np.concatenate([getattr(part, of)[::every] for part in parts])
+        for of in ("states", "inputs", "signal", "std", "time")
+    )
     # While a machine rests, its measurements say nothing about forces that do not move it.
     known = std < 0.5 * np.sqrt(np.mean(signal**2 + std**2))
     known &= ~_pushed(model, x, u)[:, None]
@@ -95,7 +95,7 @@ def gather(
         nominal.reshape(-1, len(columns)),
         (np.array([prior.mean for prior in priors]) - model.values[columns]) / deviation,
         tuple(sites),
-        np.concatenate([part.time[::every] for part in parts]),
+        time,
         np.concatenate([np.full(len(part.time[::every]), i) for i, part in enumerate(parts)]),
     )
 

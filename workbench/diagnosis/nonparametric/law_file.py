@@ -78,9 +78,9 @@ def _shape(term: NonparametricTerm, shape: Shape, alike: Likeness) -> str:
         }.items()
     )
     imported = "import casadi as ca\n\n" if "ca." in shape.formula else ""
-    added = f"at.p.size * ({shape.formula} - at.p.level)"
-    changed = f"at.value * (1 + {added})" if term.relative else f"at.value + {added}"
-    return f'''{imported}from workbench.physics.law import Law, shape, size
+    changed = _changed(term, f"at.p.size * ({shape.formula} - at.p.level)")
+    over = argument.name.replace("_", " ")
+    return f"""{imported}from workbench.physics.law import Law, shape, size
 
 {_where(term)}
 
@@ -103,12 +103,20 @@ def transform(at):
     return {changed}
 
 
-{NAME} = Law(
+{_law(term, f"{formula}, x the {over}")}"""
+
+
+def _changed(term: NonparametricTerm, added: str) -> str:
+    return f"at.value * (1 + {added})" if term.relative else f"at.value + {added}"
+
+
+def _law(term: NonparametricTerm, formula: str, more: str = "") -> str:
+    return f'''{NAME} = Law(
     "{NAME}",
-    "{formula}, x the {argument.name.replace("_", " ")}",
+    "{formula}",
     where,
     parameters,
-    transform,
+    transform,{more}
     source="recordings of {", ".join(term.ports)}",
 )
 '''
@@ -177,13 +185,8 @@ def rates(e):
         )
         arguments.append("history")
     total = "\n        + ".join(sums)
-    changed = (
-        "at.value * (1 + at.p.amount * added)"
-        if term.relative
-        else "at.value + at.p.amount * added"
-    )
-    over = ", ".join(arguments)
-    return f'''{imported}
+    formula = f"amount times a curve over {', '.join(arguments)}"
+    return f"""{imported}
 {_where(term)}
 
 {"".join(parts)}
@@ -199,18 +202,10 @@ def transform(at):
     added = (
         {total}
     )
-    return {changed}
+    return {_changed(term, "at.p.amount * added")}
 {memory}
 
-{NAME} = Law(
-    "{NAME}",
-    "amount times a curve over {over}",
-    where,
-    parameters,
-    transform,{states}
-    source="recordings of {", ".join(term.ports)}",
-)
-'''
+{_law(term, formula, states)}"""
 
 
 def _numbers(values: object) -> str:

@@ -181,7 +181,6 @@ class NonparametricTerm:
         return np.asarray(curve.functions(np.asarray(x, dtype=float)) @ np.array(values))
 
     def __str__(self) -> str:
-        """Return a short aligned table."""
         form = "fraction of the signal at" if self.relative else "added at"
         lines = [f"nonparametric term {form} {', '.join(self.ports)}: {self.reason or 'accepted'}"]
         for a in self.arguments:

@@ -80,7 +80,6 @@ class Candidate:
         return any(e.on_bound and e.name != size for e in self._own)
 
     def __str__(self) -> str:
-        """Return one aligned line."""
         size = self.size
         text = "" if size is None else f"{size.value:.4g} +- {size.std:.2g} {size.unit}"
         return (

@@ -42,7 +42,6 @@ class Weighted(NamedTuple):
     weight: float
 
     def __str__(self) -> str:
-        """Return the effects, joined."""
         return " + ".join(self.effects) or "nothing"
 
 
