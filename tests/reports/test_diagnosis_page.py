@@ -113,7 +113,7 @@ def test_the_last_panel_shows_where_the_models_differ() -> None:
     wrong = angle + np.where(time < 6.0, 2.0, 0.0)[:, None]
     wrong += np.where((time > 8.0) & (time < 9.5), 4.5, 0.0)[:, None]
     run = FreeRun("trial", ("angle",), ("N",), time, angle, wrong)
-    drawn = np.asarray(diagnosis_runs(run).axes[-1].lines[0].get_xdata(), dtype=float)
+    drawn = np.asarray(diagnosis_runs({"refitted": run}).axes[-1].lines[0].get_xdata(), dtype=float)
     assert drawn.min() > 7.5 and drawn.max() < 10.0
 
 

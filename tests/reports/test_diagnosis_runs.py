@@ -30,7 +30,7 @@ def test_runs_are_drawn_in_the_units_that_the_outputs_declare() -> None:
     assert shown.error[0] == pytest.approx([360.0, 0.1, 0.1])
     sizes = sizes_as_read(MODEL, {"flow": 0.1, "air": 0.1, "pressure": 5.0})
     assert sizes == pytest.approx({"flow": 360.0, "air": 0.1, "pressure": 5.0})
-    labels = [axes.get_ylabel() for axes in diagnosis_runs(shown).axes]
+    labels = [axes.get_ylabel() for axes in diagnosis_runs({"refitted": shown}).axes]
     assert labels == ["flow in m³/h", "air in °C", "pressure in Pa", "flow in m³/h"]
 
 
@@ -38,8 +38,9 @@ def test_runs_are_drawn_in_the_units_that_the_outputs_declare() -> None:
 def test_long_runs_are_drawn_over_hours_or_days(step: float, unit: str) -> None:
     time, seen = step * np.arange(100.0), np.sin(np.arange(100.0))[:, None]
     run = FreeRun("a", ("flow",), ("m3/s",), time, seen, 0.8 * seen)
+    runs = {"refitted": run}
     size = {"s": 1.0, "h": 3600.0, "d": 86400.0}[unit]
-    for drawn in (diagnosis_runs(run), diagnosis_residuals(run, {"flow": 0.1})):
+    for drawn in (diagnosis_runs(runs), diagnosis_residuals(runs, {"flow": 0.1})):
         drawn.draw_without_rendering()
         axes = drawn.axes[0]
         ticks = dict(zip(axes.get_xticks(), axes.get_xticklabels(), strict=True))
@@ -56,7 +57,7 @@ def test_what_a_slow_sensor_read_is_drawn_wherever_it_did() -> None:
     seen = np.where(time % 10.0 == 3.0, np.sin(0.01 * time), np.nan)[:, None]
     # With every other sample for a page, none of those was among them.
     run = FreeRun("a", ("flow",), ("1",), time, seen, np.sin(0.01 * time)[:, None])
-    drawn = diagnosis_runs(run)
+    drawn = diagnosis_runs({"refitted": run})
     measured = np.asarray(drawn.axes[0].lines[0].get_ydata(), dtype=float)
     assert len(measured) == 300 and np.isfinite(measured).all()
 
@@ -75,13 +76,13 @@ def test_the_zero_of_a_scale_has_no_part_in_an_error() -> None:
     assert as_read(model, run).measured[0] == pytest.approx([68.0])
     error = as_read(model, run, errors=True)
     assert error.rmse["air"] == pytest.approx(9.0)
-    (axes,) = diagnosis_residuals(error, sizes_as_read(model, {"air": 0.05})).axes
+    (axes,) = diagnosis_residuals({"refitted": error}, sizes_as_read(model, {"air": 0.05})).axes
     assert axes.get_ylabel() == "error of air in Δ°F"
 
 
 def test_errors_beside_a_sensor_whose_noise_nobody_knows_have_no_band() -> None:
     seen = np.sin(0.1 * np.arange(100.0))[:, None]
     run = FreeRun("a", ("flow",), ("1",), np.arange(100.0), seen, 0.9 * seen)
-    (axes,) = diagnosis_residuals(run, {}).axes
+    (axes,) = diagnosis_residuals({"refitted": run}, {}).axes
     low, high = axes.get_ylim()
     assert not axes.patches and 1e-3 < low < high < 1.0

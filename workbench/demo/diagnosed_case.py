@@ -61,14 +61,14 @@ class DiagnosedCase:
     """A recording beside the models before and after its diagnosis, and what designs gain by it.
 
     Args:
+        runs: Free runs along the recording: ``"refitted"``, which is before, and ``"extended"``.
         time: Times of the tracking errors, shape (n,), in s.
         tracking: Tracking error on the improved model, shape (n,), in rad, by the model of design.
     """
 
     verdict: Mapping[str, Any]
     model: Model
-    before: FreeRun
-    after: FreeRun
+    runs: Mapping[str, FreeRun]
     time: Vector
     tracking: Mapping[str, Vector]
 
@@ -92,11 +92,11 @@ def diagnosed_case() -> DiagnosedCase:
         late = run.time > _SETTLED
         time = run.time[late]
         tracking[title] = (run.references["angle"] - run["angle"])[late]
-    first, second = (
-        free_run(m, fitted_start(m, observe(m, recording), samples=plant.start_samples))
-        for m in (before, after)
-    )
-    return DiagnosedCase(verdict, before, first, second, time, tracking)
+    runs = {
+        name: free_run(m, fitted_start(m, observe(m, recording), samples=plant.start_samples))
+        for name, m in (("refitted", before), ("extended", after))
+    }
+    return DiagnosedCase(verdict, before, runs, time, tracking)
 
 
 def diagnosed_case_part() -> Part:
@@ -106,18 +106,16 @@ def diagnosed_case_part() -> Part:
     finding = found.verdict["findings"][0]
     name = plain(finding["effect"])
     of, size = next(iter(finding["parameters"].items()))
-    held = ("refitted", "extended")
     judged = found.verdict["fit"]["held_out"]
-    errors = {model: math.degrees(judged[model]["angle"]) for model in held}
-    drawn = [math.degrees(run.rmse["angle"]) for run in (found.before, found.after)]
+    errors = {model: math.degrees(judged[model]["angle"]) for model in found.runs}
     results = {
         "verdict": found.verdict["verdict"],
         "effect": finding["effect"],
         "held_out_angle_rms_deg": errors,
-        "drawn_angle_rms_deg": dict(zip(held, drawn, strict=True)),
+        "drawn_angle_rms_deg": {m: math.degrees(r.rmse["angle"]) for m, r in found.runs.items()},
         "tracking_rms_deg": tracked,
     }
-    before, after = (_between(run, *_WINDOW) for run in (found.before, found.after))
+    before, after = (_between(run, *_WINDOW) for run in found.runs.values())
     tracking = {f"designed {k}": v for k, v in found.tracking.items()}
     first = Picture(
         "diagnosed",
@@ -144,8 +142,8 @@ def _section(found: DiagnosedCase) -> Section:
     rows = {name: sizes_as_read(model, row) for name, row in held_out.items()}
     files = "diagnosed-runs", "diagnosed-errors"
     floor = held_out["noise_floor"]
-    drawn = run_pictures(model, found.before, found.after, floor, plain(DRAWN), files)
-    read = as_read(model, found.before, errors=True)
+    drawn = run_pictures(model, found.runs, floor, plain(DRAWN), files)
+    read = as_read(model, found.runs["refitted"], errors=True)
     blocks = (
         *drawn,
         Table(

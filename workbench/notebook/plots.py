@@ -15,7 +15,7 @@ from workbench.model.quantities import shown_in
 from workbench.model.units import from_si, parse_unit, per
 from workbench.recordings import Recording
 from workbench.reports.figures.bode_nyquist import bode
-from workbench.reports.figures.diagnosis import as_read, diagnosis_runs
+from workbench.reports.figures.diagnosis import all_as_read, diagnosis_runs, held_out_runs
 from workbench.reports.figures.recording import recorded, recorded_signals
 from workbench.reports.figures.study_traces import written
 from workbench.reports.figures.tracking import TRACKING, tracking
@@ -146,8 +146,7 @@ def _of_diagnosis(found: Diagnosis, recording: str = "") -> Figure:
     """Draw a held-out recording with the refitted and the extended model."""
     if not found.runs:
         raise WorkbenchError("the diagnosis did not get as far as runs on held-out recordings")
-    refitted, extended = found.runs["refitted"], found.runs["extended"]
+    refitted = found.runs["refitted"]
     name = recording or next(iter(refitted))
     check_choice("held-out recording", name, refitted)
-    after = as_read(found.nominal, extended[name]) if found.improved else None
-    return diagnosis_runs(as_read(found.nominal, refitted[name]), after)
+    return diagnosis_runs(all_as_read(found.nominal, held_out_runs(found, name))[0])

@@ -59,10 +59,10 @@ def _first(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> tuple[Block,
     if not runs:
         return (answers,)
     title, before = worst_run(runs)
-    after = diagnosis.runs.get("extended", {}).get(title) if diagnosis.improved else None
     located = max(proof.located, key=_agreed, default=None)
     noise = verdict.fit.get("noise_floor", {})
-    drawn = figures.diagnosis_answer(diagnosis.nominal, before, after, noise, located)
+    held_out = figures.held_out_runs(diagnosis, title)
+    drawn = figures.diagnosis_answer(diagnosis.nominal, held_out, noise, located)
     caption = f"{_plain_title(title)}, held out: {plain(before.used[0])}, and its error"
     caption += " (green: no larger than the sensor's noise)"
     caption += f"; the signal that is missing at {located.port}." if located else "."
@@ -101,10 +101,10 @@ def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
         )
     ]
     noise = verdict.fit.get("noise_floor", {})
-    for i, (title, refitted) in enumerate(diagnosis.runs["refitted"].items()):
-        later, files = extended.get(title), (f"runs-{i + 1}", f"residuals-{i + 1}")
-        name = _plain_title(title)
-        blocks += figures.run_pictures(diagnosis.nominal, refitted, later, noise, name, files)
+    for i, title in enumerate(diagnosis.runs["refitted"]):
+        runs, name = figures.held_out_runs(diagnosis, title), _plain_title(title)
+        files = f"runs-{i + 1}", f"residuals-{i + 1}"
+        blocks += figures.run_pictures(diagnosis.nominal, runs, noise, name, files)
     blocks.append(tables.errors_table(proof.errors, bool(extended)))
     return Section("held-out", "On recordings that were held out", tuple(blocks))
 

@@ -78,8 +78,8 @@ def pictures(report: RefitReport) -> tuple[Picture, ...]:
         noise = {r.output: float(to_si(r.noise, r.unit)) for r in known}
         file = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
         files = f"held-out-{file}", f"errors-{file}"
-        names = "nominal", "refitted"
-        drawn += run_pictures(report.problem.model, nominal, refitted, noise, title, files, names)
+        runs = {"nominal": nominal, "refitted": refitted}
+        drawn += run_pictures(report.problem.model, runs, noise, title, files)
     return tuple(drawn)
 
 

@@ -24,6 +24,7 @@ from workbench.reports.style import (
     MEASURED,
     REFERENCE,
     SIMULATED,
+    Colour,
     bars,
     decades,
     key,
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
+    from workbench.diagnosis.stages import Diagnosis
+
 
 BEFORE = FURTHER[1]
 """Colour of the refitted nominal model."""
@@ -45,12 +48,19 @@ BEFORE = FURTHER[1]
 AFTER = SIMULATED
 """Colour of the extended model."""
 
-NAMES = ("refitted", "extended")
-"""What the two models of a diagnosis are called."""
+Runs = Mapping[str, FreeRun]
+"""Free runs along one recording by the name of the model: before, and if there is one, after."""
 
 _POINTS = 1200
-_DASHES = (0, (4, 2))
+_LOOKS: tuple[tuple[Colour, Any], ...] = ((BEFORE, "-"), (AFTER, (0, (4, 2))))
 _WINDOWS = 60
+
+
+def held_out_runs(diagnosis: Diagnosis, recording: str) -> dict[str, FreeRun]:
+    """Return the free runs along a held-out recording: refitted, and extended if that is better."""
+    names = ("refitted", "extended") if diagnosis.improved else ("refitted",)
+    known = {name: diagnosis.runs.get(name, {}) for name in names}
+    return {name: runs[recording] for name, runs in known.items() if recording in runs}
 
 
 def as_read(model: Model, run: FreeRun, *, errors: bool = False) -> FreeRun:
@@ -69,6 +79,15 @@ def as_read(model: Model, run: FreeRun, *, errors: bool = False) -> FreeRun:
     return replace(run, units=written, measured=measured, simulated=simulated)
 
 
+def all_as_read(model: Model, runs: Runs) -> tuple[dict[str, FreeRun], dict[str, FreeRun]]:
+    """Return free runs as people read the outputs, and as they read the errors."""
+    shown, errors = (
+        {name: as_read(model, run, errors=errors) for name, run in runs.items()}
+        for errors in (False, True)
+    )
+    return shown, errors
+
+
 def sizes_as_read(model: Model, sizes: Mapping[str, float]) -> dict[str, float]:
     """Return errors of outputs, in SI, by name, in the units of `as_read`."""
     shown = {q.name: of_difference(q.display_unit) for q in model.outputs}
@@ -81,38 +100,31 @@ def titled(name: str, unit: str) -> str:
     return plain if unit == "1" else f"{plain} in {unit}"
 
 
-def diagnosis_runs(
-    before: FreeRun, after: FreeRun | None = None, names: tuple[str, str] = NAMES
-) -> Figure:
-    """Draw what was measured and what both models say to the same input, on the same axes.
+def diagnosis_runs(runs: Runs) -> Figure:
+    """Draw what was measured and what the models say to the same input, on the same axes.
 
     Returns:
         The figure: one panel per output over time in s; the last repeats the first output where
         the first model is farthest off, measured by what moves there.
     """
+    name, before = next(iter(runs.items()))
     count = len(before.used)
     figure, panels = new_figure([1.6] + [1.4] * (count - 1) + [1.7], share_x=False)
     for i, axes in enumerate(panels[:count]):
-        draw_run(axes, before, after, i, np.ones(len(before.time), dtype=bool))
+        draw_run(axes, runs, i, np.ones(len(before.time), dtype=bool))
         time_ticks(axes)
         if i < count - 1:
             axes.tick_params(labelbottom=False)
     label(panels[count - 1], x="time in s")
-    draw_run(panels[-1], before, after, 0, farthest_off(before))
-    label(panels[-1], x=f"time in s, where the {names[0]} model is farthest off")
-    key(panels[0], columns=3, handles=run_key(after, names))
+    draw_run(panels[-1], runs, 0, farthest_off(before))
+    label(panels[-1], x=f"time in s, where the {name} model is farthest off")
+    key(panels[0], columns=3, handles=run_key(runs))
     figure.align_ylabels()
     return figure
 
 
 def run_pictures(
-    model: Model,
-    before: FreeRun,
-    after: FreeRun | None,
-    noise: Mapping[str, float],
-    title: str,
-    files: tuple[str, str],
-    names: tuple[str, str] = NAMES,
+    model: Model, runs: Runs, noise: Mapping[str, float], title: str, files: tuple[str, str]
 ) -> tuple[Picture, Picture]:
     """Return the pictures of free runs along a recording and of their errors.
 
@@ -121,31 +133,30 @@ def run_pictures(
     Args:
         noise: Noise of each output, in its SI unit.
     """
-    run, error = (as_read(model, before, errors=e) for e in (False, True))
-    later, less = (after and as_read(model, after, errors=e) for e in (False, True))
-    both = [(names[0], run), *([(names[1], later)] if later else [])]
+    shown, errors = all_as_read(model, runs)
     failed = [
-        f" The {name} model does not reach the end: {own.failure}."
-        for name, own in both
-        if not own.finite
+        f" The {name} model does not reach the end: {run.failure}."
+        for name, run in runs.items()
+        if not run.finite
     ]
+    first = next(iter(errors.values()))
     told = "; ".join(
         f"{output}: rms error "
-        + ", ".join(f"{own.rmse[output]:.3g} {unit} {name}" for name, own in both)
-        for output, unit in zip(error.used, error.units, strict=True)
+        + ", ".join(f"{run.rmse[output]:.3g} {unit} {name}" for name, run in shown.items())
+        for output, unit in zip(first.used, first.units, strict=True)
     )
-    models = " and by ".join(f"the {name} model" for name, _ in both)
+    models = " and by ".join(f"the {name} model" for name in runs)
     return (
         Picture(
             files[0],
-            diagnosis_runs(run, later, names),
+            diagnosis_runs(shown),
             f"{title}: measured, and simulated by {models}.{''.join(failed)}",
             told,
         ),
         Picture(
             files[1],
-            diagnosis_residuals(error, sizes_as_read(model, noise), less, names),
-            f"{title}: error of the free run{'s' * (later is not None)}, root mean square over a"
+            diagnosis_residuals(errors, sizes_as_read(model, noise)),
+            f"{title}: error of the free run{'s' * (len(runs) > 1)}, root mean square over a"
             " sixtieth of it, on a logarithmic axis. In the green band it is no larger than twice"
             " the noise of the sensor.",
             told,
@@ -153,13 +164,15 @@ def run_pictures(
     )
 
 
-def run_key(after: FreeRun | None, names: tuple[str, str] = NAMES) -> list[Line2D]:
+def run_key(runs: Runs) -> list[Line2D]:
     """Return the legend of measured and simulated curves."""
-    handles = [
+    return [
         named_line("measured", MEASURED, width=3.0, alpha=0.45),
-        named_line(names[0], BEFORE, width=1.2),
+        *(
+            named_line(name, colour, width=1.2, style=dashes)
+            for name, (colour, dashes) in zip(runs, _LOOKS, strict=False)
+        ),
     ]
-    return handles + ([named_line(names[1], AFTER, width=1.2, style=_DASHES)] if after else [])
 
 
 def farthest_off(run: FreeRun) -> npt.NDArray[np.bool_]:
@@ -183,14 +196,13 @@ def farthest_off(run: FreeRun) -> npt.NDArray[np.bool_]:
     return rows
 
 
-def draw_run(
-    axes: Axes, before: FreeRun, after: FreeRun | None, i: int, rows: npt.NDArray[np.bool_]
-) -> None:
-    """Draw one output as measured and as both models say, at some of the samples."""
+def draw_run(axes: Axes, runs: Runs, i: int, rows: npt.NDArray[np.bool_]) -> None:
+    """Draw one output as measured and as the models say, at some of the samples."""
+    before = next(iter(runs.values()))
     time, seen = _thinned(before.time[rows], before.measured[rows, i])
     axes.plot(time, seen, color=MEASURED.light, linewidth=3.0, alpha=0.45)
-    for run, colour, dashes in ((before, BEFORE, "-"), (after, AFTER, _DASHES)):
-        if run is not None and run.finite:
+    for run, (colour, dashes) in zip(runs.values(), _LOOKS, strict=False):
+        if run.finite:
             time, told = _thinned(run.time[rows], run.simulated[rows, i])
             axes.plot(time, told, color=colour.light, linewidth=1.2, linestyle=dashes)
     whole = before.measured[np.isfinite(before.measured[:, i]), i]
@@ -207,13 +219,8 @@ def draw_run(
     label(axes, y=titled(before.used[i], before.units[i]))
 
 
-def diagnosis_residuals(
-    before: FreeRun,
-    noise: Mapping[str, float],
-    after: FreeRun | None = None,
-    names: tuple[str, str] = NAMES,
-) -> Figure:
-    """Draw how far both free runs are measured, against the noise of the sensors.
+def diagnosis_residuals(runs: Runs, noise: Mapping[str, float]) -> Figure:
+    """Draw how far the free runs are measured, against the noise of the sensors.
 
     Args:
         noise: Noise of each output, in the unit of the runs.
@@ -224,38 +231,36 @@ def diagnosis_residuals(
     """
     from matplotlib.patches import Patch
 
-    figure, panels = new_figure(
-        [(1.9 + 1.4 * len(before.used)) / len(before.used)] * len(before.used)
-    )
+    used = next(iter(runs.values())).used
+    figure, panels = new_figure([(1.9 + 1.4 * len(used)) / len(used)] * len(used))
     for i, axes in enumerate(panels):
-        draw_error(axes, before, noise, after, i)
+        draw_error(axes, runs, noise, i)
     label(panels[-1], x="time in s")
-    handles: list[Line2D | Patch] = [named_line(names[0], BEFORE, width=1.3)]
-    if after is not None:
-        handles.append(named_line(names[1], AFTER, width=1.3))
-    if any(noise.get(name) for name in before.used):
+    handles: list[Line2D | Patch] = [
+        named_line(name, colour, width=1.3) for name, (colour, _) in zip(runs, _LOOKS, strict=False)
+    ]
+    if any(noise.get(name) for name in used):
         handles.append(Patch(color=BAND.light, label="twice the sensor's noise"))
     key(panels[0], columns=3, handles=handles)  # type: ignore[arg-type]
     figure.align_ylabels()
     return figure
 
 
-def draw_error(
-    axes: Axes, before: FreeRun, noise: Mapping[str, float], after: FreeRun | None, i: int
-) -> None:
+def draw_error(axes: Axes, runs: Runs, noise: Mapping[str, float], i: int) -> None:
     """Draw the error of one output over time, on a logarithmic axis.
 
     Args:
         noise: Noise of each output, in the unit of the runs; the band is twice that. Without one no
             band is drawn.
     """
+    before = next(iter(runs.values()))
     told = noise.get(before.used[i], 0.0)
     off = np.abs(before.error[:, i])
     typical = float(np.nanmedian(off[off > 0.0])) if np.any(off > 0.0) else 1.0
     level = max(told, 1e-9 * float(np.nanmax(off, initial=0.0))) if told else typical
     smallest, largest = level, 3 * level
-    for run, colour in ((before, BEFORE), (after, AFTER)):
-        if run is not None and run.finite:
+    for run, (colour, _) in zip(runs.values(), _LOOKS, strict=False):
+        if run.finite:
             time, rms = moving_rms(run.time, run.error[:, i])
             axes.plot(time, rms, color=colour.light, linewidth=1.3)
             smallest = min(smallest, float(np.nanmin(rms, initial=level)))
@@ -436,11 +441,7 @@ def diagnosis_nonparametric(
 
 
 def diagnosis_answer(
-    model: Model,
-    before: FreeRun,
-    after: FreeRun | None,
-    noise: Mapping[str, float],
-    located: MissingSignal | None = None,
+    model: Model, runs: Runs, noise: Mapping[str, float], located: MissingSignal | None = None
 ) -> Figure:
     """Draw the first output where the refitted model is farthest off, its error, and the law.
 
@@ -451,14 +452,12 @@ def diagnosis_answer(
     """
     heights = [1.7, 1.3] if located is None else [1.5, 1.2, 1.7]
     figure, panels = new_figure(heights, share_x=False)
-    first, then = as_read(model, before), after and as_read(model, after)
-    draw_run(panels[0], first, then, 0, farthest_off(first))
+    shown, errors = all_as_read(model, runs)
+    draw_run(panels[0], shown, 0, farthest_off(shown["refitted"]))
     label(panels[0], x="time in s, where the refitted model is farthest off")
-    error = as_read(model, before, errors=True)
-    less = after and as_read(model, after, errors=True)
-    draw_error(panels[1], error, sizes_as_read(model, noise), less, 0)
-    label(panels[1], x="time in s", y=titled("error", error.units[0]))
-    key(panels[0], columns=3, handles=run_key(after))
+    draw_error(panels[1], errors, sizes_as_read(model, noise), 0)
+    label(panels[1], x="time in s", y=titled("error", errors["refitted"].units[0]))
+    key(panels[0], columns=3, handles=run_key(runs))
     if located is not None:
         _draw_law(panels[2], located)
     figure.align_ylabels()
