@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -14,6 +15,9 @@ from workbench.cli.running import counting, note, typed, write_study
 from workbench.cli.verify import nominal_design
 from workbench.computing.processes import processes
 from workbench.errors import WorkbenchError
+
+if TYPE_CHECKING:
+    from workbench.study.study import Study
 
 _DRAWS = "Number of drawn machines; of the arm 200, else twice what may differ."
 
@@ -67,55 +71,53 @@ def controllers(
         blind: Run designs on drawn machines instead; those of the arm tolerate delay, lags and
             wrong loads, and run on the workbench's own plant and on an independent simulator.
     """
+    from workbench.reports.figures.drawn_machines import drawn_tables
+    from workbench.reports.figures.limitations import limitation_tables
     from workbench.study.plants import PlantRecipe
+    from workbench.study.read import load_study, shipped_study
+    from workbench.study.result import run_study
+    from workbench.study.summary import plain_summary
 
-    if chosen.recipe != PlantRecipe(folder=chosen.recipe.folder):
-        if fresh:
-            raise WorkbenchError("--fresh is of the shipped study of the arm; leave it out")
-        return _differing(chosen, out, family or [], require or [], draws, blind, seed, seeds, jobs)
-    if require:
+    of_arm = chosen.recipe == PlantRecipe(folder=chosen.recipe.folder)
+    if of_arm and require:
         raise WorkbenchError("the study of the arm has requirements; leave --require out")
-    if blind:
+    if of_arm and blind:
         if family:
             raise WorkbenchError(
                 f"--blind tries all designs of the study 'tolerant', and {family[0]!r} was named;"
                 " leave --family out"
             )
         return _blind(out, draws or 200, jobs)
-    from workbench.reports.figures.limitations import limitation_tables
-    from workbench.study.read import load_study, shipped_study
-    from workbench.study.result import run_study
-    from workbench.study.summary import plain_summary
-
-    study = load_study(shipped_study("controllers"), optional=fresh).with_limit(limits)
-    if family:
-        study = study.only(family)
+    if of_arm:
+        study = load_study(shipped_study("controllers"), optional=fresh).with_limit(limits)
+        study = study.only(family) if family else study
+    elif fresh:
+        raise WorkbenchError("--fresh is of the shipped study of the arm; leave it out")
+    else:
+        study = _on_machines(chosen, family or (), require or (), draws, blind=blind)
     study = replace(study, seeds=tuple(range(seed, seed + seeds)))
-    typer.echo(str(study), err=True)
+    note(str(study))
     with counting() as counter:
         result = run_study(study, out, jobs=processes(jobs), progress=counter)
-    for table in limitation_tables(result):
+    for table in limitation_tables(result) if of_arm else drawn_tables(result):
         typer.echo(f"{table}\n")
     write_study(result, out)
+    if not of_arm:
+        return 1 if result.missed else 0
     typer.echo(plain_summary(result))
     return 0 if result.passed else 1
 
 
-def _differing(
+def _on_machines(
     chosen: Chosen,
-    out: Path,
-    designs: list[str],
-    require: list[str],
+    designs: Sequence[str],
+    require: Sequence[str],
     draws: int | None,
+    *,
     blind: bool,
-    seed: int,
-    seeds: int,
-    jobs: int | None,
-) -> int:
-    """Run designs that fit on machines that differ from what they know."""
-    from workbench.reports.figures.drawn_machines import drawn_tables
+) -> Study:
+    """Return the study of designs that fit on machines that differ from what they know."""
     from workbench.study.drawn_machines import differences, drawn, each, on_machines
-    from workbench.study.result import run_study
     from workbench.study.step_trial import StepTrial
 
     with counting() as counter:
@@ -129,15 +131,7 @@ def _differing(
         if blind
         else each(chosen.recipe, found)
     )
-    study = on_machines(trial.study(recipes, steps, require, name="controllers"), machines)
-    study = replace(study, seeds=tuple(range(seed, seed + seeds)))
-    note(str(study))
-    with counting() as counter:
-        outcome = run_study(study, out, jobs=processes(jobs), progress=counter)
-    for table in drawn_tables(outcome):
-        typer.echo(f"{table}\n")
-    write_study(outcome, out)
-    return 1 if outcome.missed else 0
+    return on_machines(trial.study(recipes, steps, require, name="controllers"), machines)
 
 
 def _blind(out: Path, count: int, jobs: int | None) -> int:
