@@ -24,51 +24,48 @@ def junit(outcome: StudyResult) -> str:
     """
     root = ET.Element("testsuites", name=_clean(outcome.study.name))
     names = dict.fromkeys([*outcome.study.controllers, *(c.key[0] for c in outcome.changes)])
+    names |= dict.fromkeys(["conditions"] if outcome.condition_changes else [])
     suites = {name: ET.SubElement(root, "testsuite", name=_clean(name)) for name in names}
 
-    def case(controller: str, group: str, name: str, seconds: float = 0.0) -> ET.Element:
-        return ET.SubElement(
+    def case(
+        controller: str, group: str, name: str, kind: str, message: str, seconds: float = 0.0
+    ) -> None:
+        test = ET.SubElement(
             suites[controller],
             "testcase",
             classname=_clean(f"{outcome.study.name}.{controller}.{group}"),
             name=_clean(name),
             time=f"{seconds:.3f}",
         )
+        if kind:
+            ET.SubElement(test, kind, message=_clean(message))
 
     for record in outcome.records:
         name = f"runs, {record.variation}, seed {record.seed}"
-        test = case(record.controller, record.scenario, name, record.seconds)
-        if record.failed:
-            ET.SubElement(test, "error", message=_clean(record.reason))
+        kind = "error" if record.failed else ""
+        case(record.controller, record.scenario, name, kind, record.reason, record.seconds)
     for j in outcome.judgements:
-        test = case(j.controller, j.scenario, f"{j.demand}, {j.variation}")
-        if j.met:
-            continue
         kind, tail = ("failure", "") if j.hard else ("skipped", " (soft)")
         message = f"{j.demand.requirement.metric} {j.excess()}{tail}"
-        ET.SubElement(test, kind, message=_clean(message))
+        name = f"{j.demand}, {j.variation}"
+        case(j.controller, j.scenario, name, "" if j.met else kind, message)
     for r in outcome.robustness:
-        test = case(r.controller, "robustness", "worst plant of the box")
-        if r.missed:
-            why = r.judgement or r.why()
-            message = f"score {r.worst_score:.3g} at {worst_plant(outcome, r)}: {why}"
-            kind, tail = ("failure", "") if r in outcome.fragile else ("skipped", " (only informs)")
-            ET.SubElement(test, kind, message=_clean(message + tail))
+        message = (
+            f"score {r.worst_score:.3g} at {worst_plant(outcome, r)}: {r.judgement or r.why()}"
+        )
+        kind, tail = ("failure", "") if r in outcome.fragile else ("skipped", " (only informs)")
+        name = "worst plant of the box"
+        case(r.controller, "robustness", name, kind if r.missed else "", message + tail)
     for change in outcome.condition_changes:
-        if "conditions" not in suites:
-            suites["conditions"] = ET.SubElement(root, "testsuite", name="conditions")
-        test = case("conditions", "baseline", f"{change.name} is as in the baseline")
-        if change.fails:
-            ET.SubElement(test, "failure", message=_clean(str(change)))
+        name = f"{change.name} is as in the baseline"
+        case("conditions", "baseline", name, "failure" if change.fails else "", str(change))
     if outcome.baseline is not None:
         runs = [*(r.key for r in outcome.records), *outcome.baseline.records]
         for key in dict.fromkeys([*runs, *(c.key for c in outcome.worse)]):
-            if key[0] not in suites:
-                continue
-            test = case(key[0], key[2], f"no worse than the baseline, {key[1]}, seed {key[3]}")
-            own = [str(c) for c in outcome.worse if c.key == key]
-            if own:
-                ET.SubElement(test, "failure", message=_clean("; ".join(own)))
+            if key[0] in suites:
+                name = f"no worse than the baseline, {key[1]}, seed {key[3]}"
+                own = "; ".join(str(c) for c in outcome.worse if c.key == key)
+                case(key[0], key[2], name, "failure" if own else "", own)
     for element in (*suites.values(), root):
         tests = list(element.iter("testcase"))
         element.set("tests", str(len(tests)))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -43,7 +43,7 @@ class ConditionChange:
 
 
 def conditions(study: Study) -> dict[str, Any]:
-    """Return the conditions of a study as plain numbers and words, with the parts of `_WHAT`."""
+    """Return the conditions of a study as plain numbers and words, with the parts of `_PARTS`."""
     several = len(study.cases) > 1
     scenarios = {
         f"{case.name}, {name}" if several else name: _plain(scenario)
@@ -72,28 +72,18 @@ def condition_changes(
 ) -> tuple[ConditionChange, ...]:
     """Return what differs between the conditions of a baseline and those of a study."""
     found: list[ConditionChange] = []
-    for part, what in _WHAT.items():
+    for part, (what, rule) in _PARTS.items():
         old, new = before.get(part, {}), after.get(part, {})
         for name in dict.fromkeys([*old, *new]):
             own = old.get(name), new.get(name)
             whole = ("new", False) if own[0] is None else ("removed", True)
             alone = None in own and part not in _NEVER_NEW
-            told = (whole,) if alone else _RULES.get(part, _other)(name, *own)
+            told = (whole,) if alone else rule(name, *own)
             found += (ConditionChange(f"{what} {name}".rstrip(), *said) for said in told)
     return tuple(found)
 
 
 Said = Iterator[tuple[str, bool]]
-
-_WHAT = {
-    "requirements": "requirement on",
-    "scenarios": "scenario",
-    "variations": "variation",
-    "box": "box of",
-    "tolerances": "tolerance of",
-    "unjudged": "judging of",
-}
-"""Parts of the conditions and how they are told, each by the name that a reviewer knows."""
 
 _NEVER_NEW = ("tolerances", "unjudged")
 """Parts in which what is not told is as usual."""
@@ -171,12 +161,15 @@ def _other(_name: str, old: Any, new: Any) -> Said:
         yield f"{key} {before} -> {after}".strip(), True
 
 
-_RULES: dict[str, Any] = {
-    "requirements": _requirement,
-    "box": _box_entry,
-    "tolerances": _tolerance,
-    "unjudged": _unjudged,
+_PARTS: dict[str, tuple[str, Callable[[str, Any, Any], Said]]] = {
+    "requirements": ("requirement on", _requirement),
+    "scenarios": ("scenario", _other),
+    "variations": ("variation", _other),
+    "box": ("box of", _box_entry),
+    "tolerances": ("tolerance of", _tolerance),
+    "unjudged": ("judging of", _unjudged),
 }
+"""Parts of the conditions: the name that a reviewer knows, and what tells how one differs."""
 
 
 def _differences(old: Any, new: Any, path: str = "") -> Iterator[tuple[str, str, str]]:

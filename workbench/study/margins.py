@@ -153,11 +153,7 @@ def analyse_loop(
 
 
 def _together(
-    name: str,
-    point: tuple[tuple[str, float], ...],
-    loop: LoopMatrices,
-    angle: Vector,
-    more: bool,
+    name: str, point: tuple[tuple[str, float], ...], loop: LoopMatrices, angle: Vector, more: bool
 ) -> LoopAnalysis:
     """Return the peaks of a loop opened at all commands, and at all outputs, the worst of both.
 

@@ -123,7 +123,7 @@ class Robustness:
     explained: float
     worst: Mapping[str, float]
     judgement: Judgement | None
-    failed: tuple[str, ...] = field(default=())
+    failed: tuple[str, ...] = ()
     worst_runs: tuple[Record, ...] = ()
 
     @property
@@ -179,7 +179,12 @@ def robustness(
     unit = unit_draws(len(box.ranges), box.draws, box.seed)
     points = scaled(box, unit)
     chosen = [study.controllers[name] for name in box.controllers or study.controllers]
-    asked = [task for c in chosen for i, p in enumerate(points) for task in _tasks(study, c, p, i)]
+    asked = [
+        task
+        for c in chosen
+        for i, point in enumerate(points)
+        for task in _tasks(study, c, point, f"draw {i + 1}")
+    ]
     records = workers.records(asked, progress)
     left = iter(records)
     groups = {
@@ -198,7 +203,7 @@ def robustness(
     shown = [
         replace(task, traces=True)
         for c, result in zip(chosen, results, strict=True)
-        for task in _tasks(study, c, np.array(list(result.worst.values())), None)
+        for task in _tasks(study, c, np.array(list(result.worst.values())), "worst plant")
     ]
     runs = workers.records(shown)
     return tuple(
@@ -207,15 +212,10 @@ def robustness(
     )
 
 
-def _tasks(study: Study, controller: ControllerRecipe, point: Vector, i: int | None) -> list[Task]:
+def _tasks(study: Study, controller: ControllerRecipe, point: Vector, label: str) -> list[Task]:
     assert study.box is not None
-    values = zip(study.box.ranges, (float(v) for v in point), strict=True)
-    plant = study.plant.varied(parameters=values)
-    if i is None:
-        label = "worst plant"
-    else:
-        label = f"draw {i + 1}" if i < study.box.draws else f"search {i + 1 - study.box.draws}"
-    variation = Variation(label, plant, kind=label)
+    values = zip(study.box.ranges, point.tolist(), strict=True)
+    variation = Variation(label, study.plant.varied(parameters=values), kind=label)
     scenarios = [replace(study.scenarios[name], name=name) for name in study.box.scenarios]
     seed, own = study.seeds[0], study.own_metrics
     return [Task(controller, variation, scenario, seed, own) for scenario in scenarios]
@@ -227,9 +227,8 @@ def _score(study: Study, records: Sequence[Record]) -> float:
 
 def _judgements(study: Study, records: Sequence[Record]) -> tuple[Judgement, ...]:
     """Judge drawn plants by the requirements on the nominal one."""
-    labels = {r.variation for r in records}
     judged = judge_records(study, [replace(r, variation=study.nominal().name) for r in records])
-    return tuple(replace(j, variation=next(iter(labels))) for j in judged)
+    return tuple(replace(j, variation=records[0].variation) for j in judged)
 
 
 @dataclass(frozen=True)
@@ -271,10 +270,10 @@ def _search(
     worst = int(np.argmax(values))
     _, slopes, _ = straight_line(unit, values)
     return Search(
-        tuple(_tasks(study, controller, scaled(study.box, unit)[worst], worst)),
+        tuple(_tasks(study, controller, scaled(study.box, unit)[worst], f"draw {worst + 1}")),
         study.box,
         study.demands,
-        tuple(float(v) for v in unit[worst]),
+        tuple(unit[worst].tolist()),
         tuple(1.0 if s > 0 else 0.0 for s in slopes),
         float(values[worst]),
         study,
@@ -288,8 +287,8 @@ def search(asked: Search) -> dict[str, Any]:
 
     def at(point: tuple[float, ...]) -> float:
         values = scaled(box, np.array([point]))[0]
-        number = box.draws + len(tried)
-        records = [execute(t) for t in _tasks(study, asked.controller, values, number)]
+        label = f"search {len(tried) + 1}"
+        records = [execute(t) for t in _tasks(study, asked.controller, values, label)]
         tried[point] = [r.table() for r in records]
         return _score(study, records)
 
@@ -343,17 +342,8 @@ def _result(
         met = sum(all(j.met for j in found) for found in own[: len(unit)])
         low, high = binomtest(met, len(unit)).proportion_ci(CONFIDENCE)
         most = max((j for found in own for j in found), key=lambda j: j.score)
-        probabilities.append(
-            Probability(
-                str(demand),
-                demand.requirement.hard,
-                met,
-                len(unit),
-                float(low),
-                float(high),
-                most.value,
-            )
-        )
+        counted = str(demand), demand.requirement.hard, met, len(unit)
+        probabilities.append(Probability(*counted, float(low), float(high), most.value))
     failed = tuple(dict.fromkeys(r.reason for records in groups for r in records if r.failed))
     told = tuple(probabilities)
     effects = {names[i]: float(slopes[i]) for i in order}
