@@ -8,6 +8,7 @@ from pathlib import Path
 import typer
 
 from workbench.cli.running import note, telling, typed
+from workbench.files import json_text, write_whole
 
 
 def demo(*, out: Path = Path("demo"), data: Path | None = None) -> int:
@@ -31,7 +32,7 @@ def demo(*, out: Path = Path("demo"), data: Path | None = None) -> int:
     return 0 if result.complete else 1
 
 
-def force_map(file: Path, *, out: Path | None = None) -> int:
+def force_map(file: Path, *, out: Path | None = None) -> None:
     """Fit every force law to a measured force map and judge it on points left out.
 
     Example: 'workbench force-map dmsp-20-300_static_force.csv --out map'.
@@ -43,7 +44,6 @@ def force_map(file: Path, *, out: Path | None = None) -> int:
     """
     from workbench.demo.force_map_study import study_map
     from workbench.demo.force_maps import errors_table, force_map_page, read_force_map
-    from workbench.files import json_text, write_whole
     from workbench.reports.page import write_page
 
     points = read_force_map(file)
@@ -55,4 +55,3 @@ def force_map(file: Path, *, out: Path | None = None) -> int:
         results = {"schema": "workbench.force-map/1", **study.table()}
         write_whole(out / "results.json", json_text(results))
         typer.echo(f"open {write_page(page, out / 'report.html', pictures=out)}")
-    return 0

@@ -15,7 +15,10 @@ from workbench.cli.plant import chosen_plant
 from workbench.cli.problem import Loaded, with_problem
 from workbench.cli.running import TimeUp, telling, typed
 from workbench.cli.running import time_limit as until
+from workbench.computing.counted import in_words
 from workbench.errors import WorkbenchError, check_range
+from workbench.files import whole_folder, write_whole
+from workbench.registry import load_object, user_code
 
 if TYPE_CHECKING:
     from workbench.diagnosis.experiment.menu import Experiment
@@ -41,7 +44,7 @@ def diagnose(
     experiment: str | None = None,
     out: Path | None = None,
     as_json: AsJson = False,
-) -> int:
+) -> None:
     """Find out what physics a model leaves out, and prove it on held-out recordings.
 
     The model is refitted first; what parameters can explain is no missing physics. After Ctrl-C,
@@ -74,8 +77,6 @@ def diagnose(
     limit = _limit(time_limit, quick=quick)
     if jobs is not None:
         check_range("number of processes", jobs, 1, 64)
-    if out is not None and out.exists() and not out.is_dir():
-        raise WorkbenchError(f"folder {str(out)!r} is a file; give the name of a folder")
     loaded = recorded()
     problem = loaded.problem
     if not problem.hold_out:
@@ -93,7 +94,6 @@ def diagnose(
         found = asked.after_experiment(found, machine)
     if as_json:
         typer.echo(asked.text(found.verdict))
-    return 0
 
 
 @dataclass(frozen=True)
@@ -115,8 +115,6 @@ class _Asked:
 
     def diagnosed(self) -> Diagnosis:
         """Diagnose, print the verdict and write verdict and page."""
-        from workbench.computing.counted import in_words
-
         found = self._until_limit()
         typer.echo(f"{found.verdict}\nwork: {in_words(found.work)}", err=self.as_json)
         if self.out is not None and not found.verdict.interrupted:
@@ -127,9 +125,7 @@ class _Asked:
     def after_experiment(self, found: Diagnosis, machine: Machine) -> Diagnosis:
         """Play the next input, and diagnose again with its recording."""
         from workbench.diagnosis.experiment.run_on_machine import plan_csv, with_experiment
-        from workbench.files import write_whole
         from workbench.recordings.saving import write_recording
-        from workbench.registry import user_code
 
         plan, problem = _plan(found), self.loaded.problem
         if plan is None or found.verdict.interrupted:
@@ -152,7 +148,6 @@ class _Asked:
     def _until_limit(self) -> Diagnosis:
         from workbench.diagnosis.conclude import conclude_early
         from workbench.diagnosis.diagnose import stages
-        from workbench.files import write_whole
 
         problem = self.loaded.problem
         step = "starting"
@@ -212,7 +207,6 @@ class _Asked:
     def _write(self, found: Diagnosis, out: Path) -> None:
         from workbench.diagnosis.comparison import proof_of
         from workbench.diagnosis.nonparametric.law_file import law_file
-        from workbench.files import whole_folder, write_whole
         from workbench.reports.diagnosis_answers import accepted_term
         from workbench.reports.diagnosis_page import diagnosis_page
         from workbench.reports.page import write_page
@@ -230,7 +224,6 @@ class _Asked:
 def _machine(name: str, loaded: Loaded) -> Machine:
     """Return the machine that an option names, before anything takes time."""
     from workbench.diagnosis.experiment.run_on_machine import Machine, SimulatedMachine
-    from workbench.registry import load_object
 
     if ":" in name:
         found = load_object("machine", name, folder=Path.cwd())
@@ -265,7 +258,6 @@ def _plan(found: Diagnosis) -> Experiment | None:
 
 def _propose(found: Diagnosis, path: Path, *, as_json: bool) -> None:
     from workbench.diagnosis.experiment.run_on_machine import plan_csv
-    from workbench.files import write_whole
 
     plan = _plan(found)
     if plan is not None:

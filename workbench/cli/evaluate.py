@@ -14,6 +14,7 @@ from workbench.cli.options import Positive, VerbCommand, parameters_of, read_as,
 from workbench.cli.options import summary as about
 from workbench.cli.running import tell
 from workbench.errors import WorkbenchError
+from workbench.files import json_text, write_whole
 
 if TYPE_CHECKING:
     from workbench.evaluation.kept_answers import Answer, Case
@@ -43,14 +44,13 @@ class Campaign:
 
     def run(
         self, cases: Sequence[Case], answer: Answer, line_of: Callable[[Mapping[str, Any]], str]
-    ) -> int:
+    ) -> None:
         """Answer the cases and print a line for each."""
         from workbench.evaluation.kept_answers import answered, chosen_cases
 
         chosen = chosen_cases(cases, part_of(self.part), self.only or ())
         for row in answered(chosen, self.out, answer, jobs=self.jobs, dask=self.dask):
             typer.echo(line_of(row))
-        return 0
 
 
 with_campaign = taking("campaign", Campaign)
@@ -63,7 +63,7 @@ def blind(
     commitments: Path | None = None,
     names: Path | None = None,
     out: Path | None = None,
-) -> int:
+) -> None:
     """Score the verdicts of a blind round against the answers.
 
     Prints points per case, rates, and the p-value against random answers. Example:
@@ -82,7 +82,6 @@ def blind(
     typer.echo(str(found))
     if out is not None:
         tell(found.as_data(), as_json=False, file=out)
-    return 0
 
 
 @with_campaign
@@ -92,7 +91,7 @@ def own_cases(
     count: Annotated[int | None, typer.Option(min=1)] = None,
     seeds: int | None = None,
     baselines: bool = True,
-) -> int:
+) -> None:
     """Make cases of the arm on a second simulator, diagnose them and keep the answers.
 
     Finished cases are kept in OUT, one JSON file each: an interrupted run goes on where it stopped,
@@ -107,11 +106,11 @@ def own_cases(
     from workbench.evaluation.own_cases import own_case
 
     answer = partial(own_case.answer, baselines=baselines)
-    return campaign.run(own_case.cases(count, seeds, campaign.only or ()), answer, own_case.line_of)
+    campaign.run(own_case.cases(count, seeds, campaign.only or ()), answer, own_case.line_of)
 
 
 @with_campaign
-def experiments(campaign: Campaign, *, count: Positive = 10, seeds: int | None = None) -> int:
+def experiments(campaign: Campaign, *, count: Positive = 10, seeds: int | None = None) -> None:
     """Play what a diagnosis proposes on the machine of poorly recorded cases, and judge again.
 
     Cases of the arm on a second simulator, recorded in closed loop only, are diagnosed until COUNT
@@ -128,11 +127,10 @@ def experiments(campaign: Campaign, *, count: Positive = 10, seeds: int | None =
     shared: dict[str, Any] = {"jobs": campaign.jobs, "dask": campaign.dask}
     for line in run_experiments(campaign.out, count, seeds, part, campaign.only or (), **shared):
         typer.echo(line)
-    return 0
 
 
 @with_campaign
-def foreign(campaign: Campaign, *, count: Positive = 60, seeds: int | None = None) -> int:
+def foreign(campaign: Campaign, *, count: Positive = 60, seeds: int | None = None) -> None:
     """Diagnose machines that the workbench does not know, on first models of a newcomer.
 
     A drive, a circuit, a tank and a crane of a second simulator, with one effect, two or nothing
@@ -145,11 +143,11 @@ def foreign(campaign: Campaign, *, count: Positive = 60, seeds: int | None = Non
     from workbench.evaluation.foreign.foreign_case import FIRST_SEED, answer, line_of, plan
 
     first = FIRST_SEED if seeds is None else seeds
-    return campaign.run(plan(count, first), answer, line_of)
+    campaign.run(plan(count, first), answer, line_of)
 
 
 @with_campaign
-def machines(campaign: Campaign, *, data: Path | None = None) -> int:
+def machines(campaign: Campaign, *, data: Path | None = None) -> None:
     """Diagnose recordings of real machines, each from the first model that comes to mind.
 
     A line per machine: what was named, the error on held-out recordings before and after, and what
@@ -161,21 +159,21 @@ def machines(campaign: Campaign, *, data: Path | None = None) -> int:
     from workbench.evaluation.machines import real_machine
 
     every = [real_machine.Machine(name, data) for name in real_machine.table()]
-    return campaign.run(every, real_machine.answer, real_machine.line_of)
+    campaign.run(every, real_machine.answer, real_machine.line_of)
 
 
 @with_campaign
-def left_out(campaign: Campaign) -> int:
+def left_out(campaign: Campaign) -> None:
     """Leave out one piece of the arm's physics after the other and look for it.
 
     A line per piece; finished ones are kept in OUT as with own-cases.
     """
     from workbench.evaluation.left_out import PLAN, answer, line_of
 
-    return campaign.run(PLAN, answer, line_of)
+    campaign.run(PLAN, answer, line_of)
 
 
-def cases(out: Path, *, count: Positive = 20, seeds: int | None = None) -> int:
+def cases(out: Path, *, count: Positive = 20, seeds: int | None = None) -> None:
     """Write cases of the arm as folders that any method can read, with the answers beside them.
 
     Each folder has case.toml and its recordings; OUT/key.json says what they hide.
@@ -189,10 +187,9 @@ def cases(out: Path, *, count: Positive = 20, seeds: int | None = None) -> int:
 
     for line in write_cases(out, count, seeds):
         typer.echo(line)
-    return 0
 
 
-def baselines(cases: Path, out: Path, *, only: list[str] | None = None) -> int:
+def baselines(cases: Path, out: Path, *, only: list[str] | None = None) -> None:
     """Let simple methods answer cases: OUT receives one folder of verdicts per method.
 
     Refit only, greedy selection, SINDy on the residual, a Kalman filter with states that walk at
@@ -207,10 +204,9 @@ def baselines(cases: Path, out: Path, *, only: list[str] | None = None) -> int:
 
     for line in run_baselines(cases, out, only or ()):
         typer.echo(line)
-    return 0
 
 
-def benchmark(cases: Path, verdicts: list[Path], *, out: Path | None = None) -> int:
+def benchmark(cases: Path, verdicts: list[Path], *, out: Path | None = None) -> None:
     """Score the verdicts of one method or several on the same cases, a line per method.
 
     Example: 'workbench evaluate benchmark cases my_method answers/greedy answers/sindy'.
@@ -227,12 +223,11 @@ def benchmark(cases: Path, verdicts: list[Path], *, out: Path | None = None) -> 
     typer.echo(table(scores))
     if out is not None:
         tell({"methods": [score.as_data() for score in scores]}, as_json=False, file=out)
-    return 0
 
 
 def report(
     out: Path, *, figure: Path | None = None, summary: Path | None = None, cases: bool = False
-) -> int:
+) -> None:
     """Tabulate the answers that 'own-cases' or 'foreign' kept.
 
     Args:
@@ -244,7 +239,6 @@ def report(
     from workbench.evaluation.foreign import foreign_case
     from workbench.evaluation.kept_answers import read_kept
     from workbench.evaluation.own_cases import report as own
-    from workbench.files import json_text, write_whole
 
     rows = read_kept(out)
     is_foreign = rows[0].get("schema") == foreign_case.SCHEMA
@@ -259,7 +253,6 @@ def report(
         lines = map(foreign_case.line_of, rows) if is_foreign else [own.cases(rows)]
         typer.echo("\n".join(lines) + "\n")
     typer.echo(of.tables(rows))
-    return 0
 
 
 def part_of(text: str) -> tuple[int, int]:

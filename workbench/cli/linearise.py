@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import typer
 
 from workbench.cli.options import AsJson
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
 @with_plant("option", "effect", "at")
 def linearise(
     chosen: Chosen, *, verdict: bool = False, out: Path | None = None, as_json: AsJson = False
-) -> int:
+) -> None:
     """Trim a plant and print its linear model: modes, and how far to trust it.
 
     Of several commands and outputs that they hold independently, relative gains, pairs of single
@@ -57,14 +59,10 @@ def linearise(
         if out is not None and to_matlab:
             write_whole(out, _matlab(content))
             typer.echo(f"written to {out}: load it and take ss(A, B, C, D)", err=as_json)
-    return 0
 
 
 def _matlab(content: Mapping[str, Any]) -> bytes:
     """Return matrices, points of rest as columns ``x0``, ``u0``, ``y0``, and their names."""
-    from io import BytesIO
-
-    import numpy as np
     from scipy.io import savemat
 
     variables: dict[str, Any] = {name: np.atleast_2d(content[name]) for name in "ABCD"}

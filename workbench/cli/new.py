@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from workbench.verification import Scenario
 
 
-def new_study(file: Path, *, plant: str | None = None) -> int:
+def new_study(file: Path, *, plant: str | None = None) -> None:
     """Write a commented study that runs: a plant, a controller, a scenario, requirements, a box.
 
     Examples: 'workbench new-study my_study.toml',
@@ -35,10 +35,10 @@ def new_study(file: Path, *, plant: str | None = None) -> int:
         plant (NAME): Plant of the study, with its own step and parameters: a name of 'workbench
             plants', module:object of your own, or verdict.json. By default a servo axis.
     """
-    return _write(file, "my_study.toml", plant)
+    _write(file, "my_study.toml", plant)
 
 
-def new_controller(file: Path) -> int:
+def new_controller(file: Path) -> None:
     """Write a commented controller that runs: a design on a linear model, and its step.
 
     Example: 'workbench new-controller my_controller.py'.
@@ -46,10 +46,10 @@ def new_controller(file: Path) -> int:
     Args:
         file: File to write; it must not exist.
     """
-    return _write(file, "my_controller.py")
+    _write(file, "my_controller.py")
 
 
-def new_plant(file: Path) -> int:
+def new_plant(file: Path) -> None:
     """Write a commented plant that runs: states, inputs, outputs, parameters, a port.
 
     Example: 'workbench new-plant my_plant.py'.
@@ -57,11 +57,11 @@ def new_plant(file: Path) -> int:
     Args:
         file: File to write; it must not exist.
     """
-    return _write(file, "my_plant.py")
+    _write(file, "my_plant.py")
 
 
 @with_plant("option", "effect", "at")
-def notebook(chosen: Chosen, *, out: Path = Path("starter.ipynb")) -> int:
+def notebook(chosen: Chosen, *, out: Path = Path("starter.ipynb")) -> None:
     """Write a starter notebook: a plant at an operating point, controllers, and their proof.
 
     Examples: 'workbench notebook --angle 30deg --load 3kg --out arm.ipynb',
@@ -77,10 +77,9 @@ def notebook(chosen: Chosen, *, out: Path = Path("starter.ipynb")) -> int:
     base = replace(nominal_design(chosen), at=tuple(chosen.design_point.items()))
     write_whole(out, starter_notebook(StepTrial(chosen.recipe, base, say=note)))
     typer.echo(f"written to {out}; open it: {shlex.join(('jupyter', 'lab', str(out)))}")
-    return 0
 
 
-def study_fields() -> int:
+def study_fields() -> None:
     """Print every field of a study file with its unit, range and example, as Markdown.
 
     Example: 'workbench study-fields > study-fields.md'.
@@ -88,7 +87,6 @@ def study_fields() -> int:
     from workbench.study.fields_page import study_fields as page
 
     typer.echo(page(), nl=False)
-    return 0
 
 
 def _of_plant(plant: str) -> dict[str, Any]:
@@ -188,7 +186,7 @@ def _asked(model: Model, scenario: Scenario) -> dict[str, Any]:
     }
 
 
-def _write(file: Path, template: str, plant: str | None = None) -> int:
+def _write(file: Path, template: str, plant: str | None = None) -> None:
     from jinja2 import Template
 
     from workbench.data_folder import shipped_folder
@@ -206,7 +204,6 @@ def _write(file: Path, template: str, plant: str | None = None) -> int:
     (line,) = re.findall(r"Run it: +(workbench .*)", text)
     where = "" if file.parent == Path() else f"cd {shlex.quote(str(file.parent))} && "
     typer.echo(f"written to {file}; run it: {where}{line}")
-    return 0
 
 
 def _check_new(file: Path, example: str) -> None:

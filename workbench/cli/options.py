@@ -18,6 +18,8 @@ from typer.core import TyperCommand
 
 from workbench.errors import WorkbenchError
 
+Verb = Callable[..., int | None]
+"""A verb; what returns no exit status always ends well, with 0."""
 AsJson = Annotated[
     bool,
     typer.Option(
@@ -107,9 +109,7 @@ def _annotated(p: inspect.Parameter, words: str, text: str) -> Any:
     return Annotated[kind, typer.Option(*switches, help=text, metavar=metavar, min=least)]
 
 
-def read_as(
-    verb: Callable[..., int], parameters: Iterable[inspect.Parameter]
-) -> Callable[..., int]:
+def read_as(verb: Verb, parameters: Iterable[inspect.Parameter]) -> Verb:
     """Let Typer read a verb with other parameters."""
     listed = list(parameters)
     verb.__signature__ = inspect.Signature(listed)  # type: ignore[attr-defined]

@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from workbench.cli.options import Short, VerbCommand, taking
+from workbench.cli.options import Short, Verb, VerbCommand, taking
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.plants import DEFAULT_PLANT
 
@@ -115,7 +115,7 @@ class Chosen:
         return given if len(given.keys() - sums) <= len(self.model.inputs) else self.at
 
 
-def with_plant(*takes: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
+def with_plant(*takes: str) -> Callable[[Verb], Verb]:
     """Give a verb a plant: its parameter ``chosen`` becomes the options that describe one.
 
     Args:

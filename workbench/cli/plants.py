@@ -9,7 +9,7 @@ from textwrap import TextWrapper
 import typer
 
 
-def plants(name: str | None = None) -> int:
+def plants(name: str | None = None) -> None:
     """List the plants, or what one takes: options, inputs, outputs, parameters, laws to attach.
 
     Example: 'workbench plants arm'.
@@ -25,7 +25,7 @@ def plants(name: str | None = None) -> int:
     if name is None:
         for plant in PLANTS.members().values():
             typer.echo(f"{plant.name:<16}{plant.summary}")
-        return 0
+        return
     plant = PLANTS.get(name, folder=Path.cwd())
     model = plant.model()
     typer.echo(str(plant))
@@ -52,4 +52,3 @@ def plants(name: str | None = None) -> int:
     lines = TextWrapper(100, initial_indent="    ", subsequent_indent="      ")
     for law in sorted(offered):
         typer.echo(lines.fill(", ".join(sorted(offered[law]))))
-    return 0

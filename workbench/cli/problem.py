@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from workbench.cli.options import parameters_of, taking
+from workbench.cli.options import Verb, parameters_of, taking
 from workbench.cli.plant import CHANGES, Chosen, chosen_plant
 from workbench.cli.running import note, telling
 from workbench.errors import WorkbenchError, check_range
@@ -31,7 +31,7 @@ class Loaded:
     chosen: Chosen
 
 
-def with_problem(*, settings: bool = False) -> Callable[[Callable[..., int]], Callable[..., int]]:
+def with_problem(*, settings: bool = False) -> Callable[[Verb], Verb]:
     """Give a verb plant and recordings: its parameter ``recorded`` becomes options that name them.
 
     The verb calls ``recorded()``, which reads the recordings and returns a `Loaded`.

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from workbench.cli.plant import Chosen, chosen_plant
+from workbench.cli.running import counting, note, tell_runs, write_in_c, write_study
+from workbench.cli.verify import nominal_design
 from workbench.errors import WorkbenchError
 
 if TYPE_CHECKING:
-    from workbench.cli.plant import Chosen
     from workbench.study.study import Study
 
 
@@ -22,7 +24,7 @@ tolerates a machine that nobody has identified; and made anew from what was foun
 
 def redesign(
     verdict: str, *, out: Path, family: list[str] | None = None, at: list[str] | None = None
-) -> int:
+) -> None:
     """Design anew for a machine that was diagnosed, and show what knowing it is worth.
 
     Laws that were found enter the linear models. Each design for the nominal plant, and the same
@@ -43,8 +45,6 @@ def redesign(
         at (NAME=VALUE): Value of an output, state or input at rest, where the step starts; may be
             given several times. By default the plant's own. The arm has its own steps.
     """
-    from workbench.cli.plant import chosen_plant
-    from workbench.cli.running import counting, tell_runs, write_in_c, write_study
     from workbench.study.result import run_study
     from workbench.study.summary import plain_summary
 
@@ -67,12 +67,10 @@ def redesign(
     if result.judgements or result.failed:
         typer.echo(plain_summary(result))
     write_study(result, out, more=", and the redesigned in C")
-    return 0
 
 
 def _beside_tolerant(found: Chosen, families: Sequence[str]) -> Study:
     """Return the study of nominal, tolerant and redesigned designs, and say how fast they are."""
-    from workbench.cli.running import counting
     from workbench.evaluation.regained_speed import study_of_redesign
 
     study = study_of_redesign(found.recipe, families)
@@ -101,8 +99,6 @@ def _nominal_and_redesigned(
     found: Chosen, verdict: Path, designs: Sequence[str], at: Sequence[str]
 ) -> Study:
     """Return the study of designs for the nominal plant and for the machine, on that machine."""
-    from workbench.cli.running import counting, note
-    from workbench.cli.verify import nominal_design
     from workbench.model.units import in_time
     from workbench.plants.registry import nominal_of_file
     from workbench.study.plants import PlantRecipe

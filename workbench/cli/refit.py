@@ -12,12 +12,14 @@ import typer
 from workbench.cli.options import AsJson
 from workbench.cli.problem import Loaded, with_problem
 from workbench.cli.running import tell, telling, typed
+from workbench.computing.counted import in_words
+from workbench.files import json_text, picked, write_whole
 
 
 @with_problem(settings=True)
 def refit(
     recorded: Callable[[], Loaded], *, out: Path | None = None, as_json: AsJson = False
-) -> int:
+) -> None:
     """Estimate a model's parameters from recordings and judge it on others.
 
     Examples: 'workbench refit practice-07 --out refit', 'workbench refit emps --data FOLDER',
@@ -26,7 +28,6 @@ def refit(
     Args:
         out: Folder for the page, the pictures and results.json.
     """
-    from workbench.computing.counted import in_words
     from workbench.diagnosis.refit_report import run_refit
 
     begin, problem = time.perf_counter(), recorded().problem
@@ -34,7 +35,6 @@ def refit(
         report = run_refit(problem, progress=say)
     typer.echo(f"{report}\nwork: {in_words(report.work)}", err=as_json)
     if out is not None:
-        from workbench.files import json_text, write_whole
         from workbench.reports.page import write_page
         from workbench.reports.refit_page import refit_page
 
@@ -43,12 +43,9 @@ def refit(
         write_whole(out / "results.json", json_text(_results(report)))
         typer.echo(f"open {path}", err=as_json)
     tell(_results(report), as_json=as_json)
-    return 0
 
 
 def _results(report: Any) -> dict[str, Any]:
-    from workbench.files import picked
-
     return {
         "schema": "workbench.refit/1",
         "name": report.problem.name,

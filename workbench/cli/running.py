@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from workbench.errors import WorkbenchError
+from workbench.files import claimed, json_text, write_whole
 
 if TYPE_CHECKING:
     from workbench.model import Model
@@ -55,8 +56,6 @@ def claiming(verb: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(verb)
     def claimed_verb(**options: Any) -> Any:
-        from workbench.files import claimed
-
         with claimed(options["out"]):
             return verb(**options)
 
@@ -108,8 +107,6 @@ def sigterm_interrupts() -> Iterator[None]:
 
 def tell(content: Mapping[str, Any], *, as_json: bool, file: Path | None = None) -> None:
     """Print a result as JSON if a script reads it, and write it to a file if one is named."""
-    from workbench.files import json_text, write_whole
-
     if as_json:
         typer.echo(json_text(content), nl=False)
     if file is not None:

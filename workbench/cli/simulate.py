@@ -7,10 +7,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import typer
 
 from workbench.cli.plant import Chosen, with_plant
 from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
+from workbench.files import write_whole
 
 if TYPE_CHECKING:
     from workbench.arrays import Vector
@@ -35,7 +37,7 @@ def simulate(
     sample_time: str | None = None,
     initial: bool = False,
     out: Path | None = None,
-) -> int:
+) -> None:
     """Run a plant with given inputs, from rest, and say how far the result can be trusted.
 
     A plant that does not rest with its nominal inputs starts at the initial values of its states.
@@ -107,13 +109,10 @@ def simulate(
         _tell_other_start(model, declared, start.x)
     typer.echo(str(run))
     if out is not None:
-        from workbench.files import write_whole
-
         write_whole(out, _csv(run, parts))
         if parts > 1:
             typer.echo("inputs switch between its samples; a shorter --sample-time shows where")
         typer.echo(f"simulated recording written to {out}")
-    return 0
 
 
 def _paced(
@@ -213,8 +212,6 @@ def _held(
     sample_time: float,
 ) -> Any:
     """Return the samples of all inputs; one that is not driven stays as the plant rests."""
-    import numpy as np
-
     count = round(duration / sample_time)
     held = np.tile(rest, (count, 1))
     number = np.arange(count)

@@ -118,7 +118,7 @@ def named_study(given: Path, limit: bool | None, options: Iterable[str]) -> Stud
     return study if limit is None else study.with_limit(limit)
 
 
-def bless(results: Path, *, baseline: Path) -> int:
+def bless(results: Path, *, baseline: Path) -> None:
     """Accept the results of a study as the baseline, showing what changes by that.
 
     Requirements that are missed are still missed afterwards: a baseline accepts changes, not
@@ -133,7 +133,6 @@ def bless(results: Path, *, baseline: Path) -> int:
     from workbench.study.baseline import bless as accept
 
     typer.echo(accept(results, baseline))
-    return 0
 
 
 def report(
@@ -147,7 +146,7 @@ def report(
     limit: Limit = None,
     jobs: Jobs = None,
     short: Short = None,
-) -> int:
+) -> None:
     """Write the page of a study, and each of its pictures as PNG and SVG.
 
     Finished runs of the folder are used, missing ones are done. With --bode: Bode and Nyquist plots
@@ -203,4 +202,3 @@ def report(
     path = write_page(page, out / "report.html", pictures=folder)
     count = len(page.pictures)
     typer.echo(f"written to {path}, and {count} pictures as PNG and SVG to {folder}")
-    return 0
