@@ -16,9 +16,11 @@ from tests.demo.made_up_map import made_up_map
 from workbench.demo.diagnosed_case import diagnosed
 from workbench.demo.force_map_study import study_map
 from workbench.demo.force_maps import force_map_page
-from workbench.demo.identification import force_lines
+from workbench.demo.identification import DRAWN, force_lines
 from workbench.demo.open_loop import open_loop
 from workbench.diagnosis.estimation.free_run import FreeRun
+from workbench.experiments import IsometricRecord
+from workbench.physics.force_laws import PaperLaw
 from workbench.reports.figures.bode_nyquist import bode
 from workbench.reports.figures.tracking import Trajectory, tracking
 from workbench.reports.style import controller_colours
@@ -26,6 +28,13 @@ from workbench.reports.style import controller_colours
 T = np.linspace(0.0, 2.0, 41)
 WAVE = 0.5 + 0.3 * np.sin(T)
 RUN = FreeRun("run", ("angle",), ("rad",), T, WAVE[:, None], WAVE[:, None])
+RAMPS = IsometricRecord(
+    np.repeat(DRAWN, len(T)),
+    np.tile(1e5 * T, len(DRAWN)),
+    np.repeat(0.002 * np.arange(len(DRAWN)), len(T)),
+    np.tile(WAVE, len(DRAWN)),
+    "made up",
+)
 
 
 def steps() -> Figure:
@@ -48,7 +57,7 @@ def map_pictures() -> list[Figure]:
 
 
 FIGURES: dict[str, Callable[[], Figure]] = {
-    "force lines": lambda: force_lines([0.0, 0.01], [T, T], [WAVE, WAVE], [WAVE, WAVE]),
+    "force lines": lambda: force_lines(RAMPS, PaperLaw()),
     "open loop": lambda: open_loop(T, WAVE, dict.fromkeys(("linear valve", "full"), (WAVE, WAVE))),
     "bode": lambda: bode(T + 0.1, {"30°": np.exp(1j * WAVE)}, unit="° per V"),
     "steps": steps,

@@ -23,13 +23,7 @@ from workbench.model import Model
 from workbench.plants.plant import Plant
 from workbench.plants.registry import PLANTS
 from workbench.recordings import read_case
-from workbench.reports.figures.diagnosis import (
-    AFTER,
-    BEFORE,
-    as_read,
-    run_pictures,
-    sizes_as_read,
-)
+from workbench.reports.figures.diagnosis import AFTER, BEFORE, as_read, run_pictures, sizes_as_read
 from workbench.reports.page import Section
 from workbench.reports.pictures import Picture
 from workbench.reports.style import FURTHER, MEASURED, REFERENCE, key, label, new_figure
@@ -187,5 +181,4 @@ def diagnosed(
     label(tracked, x="time in s", y="error in °")
     key(angle)
     key(tracked, columns=2)
-    figure.align_ylabels()
     return figure

@@ -160,7 +160,6 @@ def _draw_map(study: MapStudy) -> Figure:
     handles = [named_line("measured", MEASURED, marker="o")]
     handles += [named_line(w.title, c, width=1.2) for w, c in zip(laws, FURTHER, strict=False)]
     key(panels[0], columns=2, handles=handles)
-    figure.align_ylabels()
     return figure
 
 

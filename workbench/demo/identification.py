@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from workbench.demo.part import Part, judged, section
-from workbench.errors import check_finite
 from workbench.experiments import IsometricRecord, isometric_experiment, isometric_experiment_on_arm
-from workbench.physics.force_laws import PaperLaw
+from workbench.physics.force_laws import ForceLaw, PaperLaw
 from workbench.plants.arm import arm
 from workbench.plants.arm.static_identification import StaticForceFit, identify_static_force
 from workbench.reports.pictures import Picture
@@ -67,7 +65,14 @@ def identification_part() -> Part:
         'python -c "from workbench.demo.identification import identification_part; '
         'print(identification_part().results)"'
     )
-    blocks = (_lines(alone, fit), _coefficients(fit, found, on_arm), law_of_phi)
+    lines = Picture(
+        "force-lines",
+        force_lines(alone, fit.law),
+        "Force over pressure at constant contractions: measurements as dots, the identified law as"
+        " lines.",
+        "a family of straight force lines, steeper for the longer muscle",
+    )
+    blocks = (lines, _coefficients(fit, found, on_arm), law_of_phi)
     title, of = "Static identification experiment", {"fit": fit, "confidence": 100 * CONFIDENCE}
     return Part(section("identification", title, "identification", blocks, command, of), results)
 
@@ -91,22 +96,6 @@ def _numbers(fit: StaticForceFit, law: PaperLaw) -> Numbers:
 def _beside(*values: npt.ArrayLike) -> dict[str, float]:
     names = ("identified", "low", "high", "true")
     return {name: float(np.asarray(v)) for name, v in zip(names, values, strict=True)}
-
-
-def _lines(record: IsometricRecord, fit: StaticForceFit) -> Picture:
-    rows = [record.ramp == ramp for ramp in DRAWN]
-    contractions = [float(np.median(record.contraction[own])) for own in rows]
-    pressures, forces = (
-        [values[own] for own in rows] for values in (record.pressure, record.force)
-    )
-    laws = [fit.law.force(q, p) for q, p in zip(contractions, pressures, strict=True)]
-    return Picture(
-        "force-lines",
-        force_lines(contractions, pressures, forces, laws),
-        "Force over pressure at constant contractions: measurements as dots, the identified law as"
-        " lines.",
-        "a family of straight force lines, steeper for the longer muscle",
-    )
 
 
 def _within(found: dict[str, float], digits: int) -> tuple[str, Cell, str]:
@@ -135,33 +124,22 @@ def _coefficients(fit: StaticForceFit, found: Numbers, on_arm: Numbers) -> Table
     )
 
 
-def force_lines(
-    contractions: npt.ArrayLike,
-    pressures: Sequence[npt.ArrayLike],
-    forces: Sequence[npt.ArrayLike],
-    fitted: Sequence[npt.ArrayLike],
-) -> Figure:
-    """Draw force over gauge pressure at constant contractions, with the law fitted to it.
-
-    Args:
-        contractions: Contraction of each line, shape (lines,), in m.
-        pressures: Gauge pressures along each line, in Pa.
-        forces: Measured force along each line, in N.
-        fitted: Force of the fitted law along each line, in N.
-    """
+def force_lines(record: IsometricRecord, fitted: ForceLaw) -> Figure:
+    """Draw force over gauge pressure at constant contractions, with the law fitted to it."""
     figure, (axes,) = new_figure([3.6])
-    lengths = check_finite("contractions", contractions)
     handles = []
-    lines = zip(lengths, pressures, forces, fitted, ramp(len(lengths)), strict=True)
-    for contraction, pressure, force, law, colour in lines:
-        bar = np.asarray(pressure, dtype=float) / 1e5
+    for drawn, colour in zip(DRAWN, ramp(len(DRAWN)), strict=True):
+        own = record.ramp == drawn
+        contraction, force = float(np.median(record.contraction[own])), record.force[own]
+        bar = record.pressure[own] / 1e5
+        law = np.asarray(fitted.force(contraction, record.pressure[own]))
         order = np.argsort(bar)
         step = max(1, len(bar) // _DOTS)
-        axes.plot(bar[::step], np.asarray(force)[::step], ".", color=colour.light, markersize=4.5)
-        axes.plot(bar[order], np.asarray(law)[order], color=colour.light, linewidth=1.1)
+        axes.plot(bar[::step], force[::step], ".", color=colour.light, markersize=4.5)
+        axes.plot(bar[order], law[order], color=colour.light, linewidth=1.1)
         handles.append(named_line(f"{1e3 * contraction:.3g} mm", colour))
     handles.append(named_line("measured", MEASURED, marker="."))
     label(axes, x="gauge pressure in bar", y="force in N")
     key(axes, columns=4, handles=handles)
-    axes.set_ylim(bottom=min(0.0, *(float(np.min(force)) for force in forces)))
+    axes.set_ylim(bottom=min(0.0, float(np.min(record.force[np.isin(record.ramp, DRAWN)]))))
     return figure

@@ -105,7 +105,6 @@ def _traces(
             axes.plot(time, values, color=colour.light, linewidth=1.4)
         label(axes, y=name)
     label(panels[-1], x="time in s")
-    figure.align_ylabels()
     drawn = inline_svg(Picture("traces", figure, "angle, pressures and valve voltage over time"))
     # Where the axes are is known once they are drawn.
     place = panels[0].get_position()

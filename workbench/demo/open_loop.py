@@ -135,6 +135,5 @@ def open_loop(
     label(command, y="valve in V")
     label(position, y="angle in °")
     label(rate, x="time in s", y="speed in °/s")
-    figure.align_ylabels()
     key(command, columns=2 if len(handles) > 3 else 3, handles=handles)
     return figure

@@ -18,10 +18,7 @@ from workbench.reports.figure import Figure, figures_of, own_figures, sections
 from workbench.reports.figures.design_versions import versions
 from workbench.reports.figures.linear_analysis import LINEAR, linear_blocks
 from workbench.reports.figures.study_traces import breakable, point_text
-from workbench.reports.metrics_table import (
-    demand_text,
-    metric_methods,
-)
+from workbench.reports.metrics_table import demand_text, metric_methods
 from workbench.reports.page import Block, Commands, Method, Page, Section, Words, html, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.study_tables import (

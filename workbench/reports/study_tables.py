@@ -196,9 +196,15 @@ def _nominal_and_worst(outcome: StudyResult, change: Change) -> tuple[str, str]:
     assert outcome.baseline is not None
     (controller, _, scenario, _), metric = change.key, change.metric
     better = outcome.study.tolerance(metric).better
-    highest = better != "more"
+    plain = {v.name for v in outcome.study.variations.values() if v.nominal}
     nominal: list[MetricValue | None] = []
     worst: list[tuple[MetricValue, str] | None] = []
+
+    def badness(measured: tuple[MetricValue, str]) -> float:
+        value = measured[0].value
+        # No value is worse than any.
+        return math.inf if math.isnan(value) else -value if better == "more" else value
+
     for records in (list(outcome.baseline.records.values()), outcome.records):
         own = [
             (r.metrics[metric], r.variation)
@@ -207,12 +213,8 @@ def _nominal_and_worst(outcome: StudyResult, change: Change) -> tuple[str, str]:
             and r.metrics is not None
             and metric in r.metrics
         ]
-        plain = {v.name for v in outcome.study.variations.values() if v.nominal}
         nominal.append(next((m for m, v in own if v in plain), None))
-        # No value is worse than any.
-        sizes = [e[0].value if highest else -e[0].value for e in own]
-        sizes = [math.inf if math.isnan(size) else size for size in sizes]
-        worst.append(own[sizes.index(max(sizes))] if own else None)
+        worst.append(max(own, key=badness, default=None))
     if better == "neither":
         text = _moved(change.before, change.after, change.unit)
         return _two(*nominal), f"{text}, {change.key[1]}"

@@ -169,7 +169,7 @@ def ramp(count: int) -> tuple[Colour, ...]:
 
 
 def new_figure(heights: Iterable[float], *, share_x: bool = True) -> tuple[Figure, list[Axes]]:
-    """Return an empty figure of the common width with panels above each other.
+    """Return an empty figure of the common width with panels above each other, labels in line.
 
     Args:
         heights: Height of each panel, in inches of 25.4 mm.
@@ -185,6 +185,7 @@ def new_figure(heights: Iterable[float], *, share_x: bool = True) -> tuple[Figur
     panels = [row[0] for row in grid]
     for axes in panels:
         _dress(axes)
+    figure.align_ylabels()
     return figure, panels
 
 

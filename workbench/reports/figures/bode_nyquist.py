@@ -57,7 +57,6 @@ def bode(
     label(magnitude, y=quantity if unit == "1" else f"{quantity} in {unit}")
     label(phase, x="frequency in Hz", y="phase in °")
     key(magnitude, columns=4)
-    figure.align_ylabels()
     return figure
 
 

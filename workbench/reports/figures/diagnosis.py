@@ -119,7 +119,6 @@ def diagnosis_runs(runs: Runs) -> Figure:
     draw_run(panels[-1], runs, 0, farthest_off(before))
     label(panels[-1], x=f"time in s, where the {name} model is farthest off")
     key(panels[0], columns=3, handles=run_key(runs))
-    figure.align_ylabels()
     return figure
 
 
@@ -242,7 +241,6 @@ def diagnosis_residuals(runs: Runs, noise: Mapping[str, float]) -> Figure:
     if any(noise.get(name) for name in used):
         handles.append(Patch(color=BAND.light, label="twice the sensor's noise"))
     key(panels[0], columns=3, handles=handles)  # type: ignore[arg-type]
-    figure.align_ylabels()
     return figure
 
 
@@ -460,5 +458,4 @@ def diagnosis_answer(
     key(panels[0], columns=3, handles=run_key(runs))
     if located is not None:
         _draw_law(panels[2], located)
-    figure.align_ylabels()
     return figure

@@ -202,7 +202,6 @@ def map_picture(study: Study) -> list[Picture]:
         label(axes, y=title)
     name = output.replace("_", " ")
     label(panels[-1], x=f"{name} in {unit}")
-    figure.align_ylabels()
     caption = (
         f"The plant alone over its {name}: frequency and damping of its oscillation, and the gain "
         f"from {driven.name.replace('_', ' ')} to {name} at {hertz:g} Hz, with jumps where"

@@ -47,7 +47,6 @@ def recorded_signals(
             if place == i:
                 panels[i].axvspan(start, stop, color=REFERENCE.light, alpha=0.3, linewidth=0)
         label(panels[i], y=name, x="time in s" if i == len(names) - 1 else None)
-    figure.align_ylabels()
     return figure
 
 

@@ -37,7 +37,6 @@ def _times(result: StudyResult, scenario: str, part: Part) -> Picture:
         label(panels[1], y="iterations")
     label(panels[-1], x="time in s")
     key(panels[0])
-    figure.align_ylabels()
     return Picture(
         f"solver{part.tail}",
         figure,

@@ -115,7 +115,6 @@ def tracking(
     label(error, y=f"error in {of_difference(unit)}")
     label(actuator, x="time in s", y=command)
     key(position, columns=3, handles=handles)
-    figure.align_ylabels()
     return figure
 
 
@@ -281,7 +280,6 @@ def _others_in(
         label(axes, y=f"{name.replace('_', ' ')} in {written(quantity.display_unit)}")
     label(panels[-1], x="time in s")
     key(panels[0])
-    figure.align_ylabels()
     caption = f"{scenario}, {case or 'nominal plant'}: the other outputs that are measured."
     words = f"other measured outputs over time in {scenario}"
     return Picture(f"outputs-{suffix}{part.tail}", figure, caption, words)
