@@ -192,6 +192,12 @@ def _stored(task: Task) -> dict[str, Any]:
     return {**record.table(), "traces": dict(record.traces)}
 
 
+def kept(store: Store, task: Task) -> Record | None:
+    """Return the finished run of a task, or None."""
+    table = store.get(store.key(task), RECORD)
+    return None if table is None else record_from_table(table)
+
+
 SAMPLE = 3
 """Finished runs that `verify_kept` does again at least."""
 
@@ -202,11 +208,10 @@ def verify_kept(asked: Sequence[Task], store: Store) -> None:
     Raises:
         WorkbenchError: If one does not come out as it was kept.
     """
-    kept = ((task, store.get(store.key(task), RECORD)) for task in asked)
-    found = [(task, table) for task, table in kept if table is not None]
+    found = [(task, record) for task in asked if (record := kept(store, task)) is not None]
     count = min(len(found), max(SAMPLE, len(found) // 20))
-    for task, table in random.sample(found, count):
-        if differs := _difference(record_from_table(table), execute(task)):
+    for task, record in random.sample(found, count):
+        if differs := _difference(record, execute(task)):
             name = " / ".join(map(str, task.key))
             raise WorkbenchError(
                 f"the finished run {name} does not come out as it was kept: {differs}; something"
