@@ -141,8 +141,8 @@ def notebook_progress() -> Callable[..., None]:
     """Return a function that shows a text, and how much is done, in a notebook's progress bar.
 
     Returns:
-        Called with a text and, where they are known, the finished steps and all of them; does
-        nothing outside of notebooks.
+        Called with a text and, where they are known, the finished steps, all of them and the last
+        one's name; does nothing outside of notebooks.
 
     Example:
         >>> show = notebook_progress()
@@ -150,12 +150,12 @@ def notebook_progress() -> Callable[..., None]:
         >>> show("runs", 3, 12)
     """
     if not in_notebook() or find_spec("ipywidgets") is None:
-        return lambda text, done=0, total=0: None
+        return lambda *_: None
     from tqdm.notebook import tqdm
 
     bar = tqdm(bar_format="{desc} {bar} {elapsed}", leave=False)
 
-    def show(text: str, done: int = 0, total: int = 0) -> None:
+    def show(text: str, done: int = 0, total: int = 0, *_: str) -> None:
         if total and bar.total != total:
             bar.reset(total)
         bar.n = done

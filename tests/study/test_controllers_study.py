@@ -143,7 +143,7 @@ def made(study: Study, times: dict[str, float], *, overshoot: dict[str, float] |
     limits = tuple((CASE, Move(plant, "angle", a, b), Value(limit)) for a, b in exact)
     judged = judge_records(study, records)
     return StudyResult(
-        study, tuple(records), judged, scores(study, judged), (), (), None, (), 0.0,
+        study, tuple(records), judged, scores(study, judged), (), (), None, (),
         Distances(True, (), (), limits),
     )  # fmt: skip
 

@@ -230,6 +230,17 @@ def baseline_text(
     return _in_lines(kept | {"runs": runs}, 4) + "\n"
 
 
+def write_baseline(
+    path: str | Path,
+    study: str,
+    records: Iterable[Record],
+    conditions: Mapping[str, Any],
+    box: Sequence[Mapping[str, Any]] = (),
+) -> Path:
+    """Write a baseline."""
+    return write_whole(path, baseline_text(study, records, conditions, box))
+
+
 def _in_lines(value: Any, depth: int) -> str:
     """Return JSON with a line per entry of the outer levels, whose innermost stay on one."""
     inside = value.values() if isinstance(value, Mapping) else value
@@ -401,7 +412,7 @@ def bless(folder: str | Path, baseline: str | Path) -> str:
     failed = [r for r in records if r.failed]
     kept = table["conditions"]
     other = condition_changes(before.conditions, kept) if before.conditions else ()
-    write_whole(place, baseline_text(study, records, kept, box))
+    write_baseline(place, study, records, kept, box)
     lines = []
     if not before.records:
         lines.append(f"accepted {len(records)} runs of study {study} as the first baseline")

@@ -129,10 +129,10 @@ def _law(law: Hypothesis) -> Difference:
         own = [(f"{law.name}.{name}", value) for name, value in values]
         return machine.varied(effects=[law.name], parameters=own)
 
-    def told(part: float) -> str:
-        return parameter_text(size(part), law.unit)
-
-    return Difference(law.name, law.law, made, told, law.size.lower <= -law.typical_size)
+    signed = law.size.lower <= -law.typical_size
+    return Difference(
+        law.name, law.law, made, lambda part: parameter_text(size(part), law.unit), signed
+    )
 
 
 def _parameter(about: Parameter, low: float, high: float) -> Difference:
@@ -140,11 +140,11 @@ def _parameter(about: Parameter, low: float, high: float) -> Difference:
         moved = about.value + abs(part) * (high if part > 0.0 else low)
         return min(max(moved, about.lower), about.upper)
 
-    def made(machine: PlantRecipe, part: float, _: float) -> PlantRecipe:
-        return machine.varied(parameters=[(about.name, value(part))])
-
     return Difference(
-        about.name, about.name, made, lambda part: parameter_text(value(part), about.unit)
+        about.name,
+        about.name,
+        lambda machine, part, _: machine.varied(parameters=[(about.name, value(part))]),
+        lambda part: parameter_text(value(part), about.unit),
     )
 
 
@@ -162,13 +162,12 @@ def _option(about: Option, usual: float) -> Difference:
     def value(part: float) -> float:
         return min(max(usual * (1.0 + USUAL * part), about.lower), about.upper)
 
-    def made(machine: PlantRecipe, part: float, _: float) -> PlantRecipe:
-        return machine.varied(options=[(about.name, value(part))])
-
-    def told(part: float) -> str:
-        return with_unit(f"{value(part):.3g}", about.unit or "1")
-
-    return Difference(about.name, about.name, made, told)
+    return Difference(
+        about.name,
+        about.name,
+        lambda machine, part, _: machine.varied(options=[(about.name, value(part))]),
+        lambda part: with_unit(f"{value(part):.3g}", about.unit or "1"),
+    )
 
 
 def each(machine: PlantRecipe, found: Sequence[Difference]) -> Iterator[Variation]:

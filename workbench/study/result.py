@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -49,7 +48,6 @@ class StudyResult(Drawn):
     """Everything a study found.
 
     Args:
-        seconds: Time the study took, in s.
         work: What its runs took, in units that no machine changes; also those finished before.
     """
 
@@ -61,7 +59,6 @@ class StudyResult(Drawn):
     loops: tuple[LoopAnalysis, ...]
     baseline: Baseline | None
     changes: tuple[Change, ...]
-    seconds: float
     distances: Distances = Distances()
     work: Work = field(default_factory=dict)
 
@@ -281,7 +278,7 @@ def run_study(
         progress: Told the part of the study, finished and all runs of it, and what was finished;
             by default a notebook shows a bar.
     """
-    begin, begun = time.perf_counter(), done()
+    begun = done()
     # Wrong use is told before an hour of runs, not after.
     before = read_baseline(baseline, of=study.name) if baseline is not None else None
     check_range("number of processes", jobs, 1, 1024)
@@ -290,29 +287,20 @@ def run_study(
     _claim(store.folder, study.name)
     if fresh:
         store.prune()
-
-    bar = notebook_progress()
-
-    def part(name: str) -> Callable[[int, int, str], None]:
-        if progress is None:
-            return lambda done, total, what: bar(name, done, total)
-        return partial(progress, name)
-
     if verify_cache:
         verify_kept(tasks(study), store)
-    workers = Workers(store, jobs, dask)
-    records = workers.records(tasks(study, traces=traces), part("runs"))
-    found = robustness(study, workers, part("parameter box"))
-    limits = find_limits(study, workers, part("physical limit"))
+    workers, say = Workers(store, jobs, dask), progress or notebook_progress()
+    records = workers.records(tasks(study, traces=traces), partial(say, "runs"))
+    found = robustness(study, workers, partial(say, "parameter box"))
+    limits = find_limits(study, workers, partial(say, "physical limit"))
     loops = analyse_study(study)
     store.prune()
     judged = judge_records(study, records)
     worst, far = scores(study, judged), distances(study, records, limits)
     outcome = StudyResult(
-        study, records, judged, worst, found, loops, before, (), 0.0, far, since(begun)
+        study, records, judged, worst, found, loops, before, (), far, since(begun)
     )
-    differences: tuple[Change, ...] = ()
-    if before is not None:
-        box = box_changes([r.table() for r in found], before)
-        differences = (*changes(outcome.rules(), records, before), *box)
-    return replace(outcome, changes=differences, seconds=time.perf_counter() - begin)
+    if before is None:
+        return outcome
+    box = box_changes([r.table() for r in found], before)
+    return replace(outcome, changes=(*changes(outcome.rules(), records, before), *box))

@@ -54,11 +54,8 @@ def versions(result: StudyResult) -> tuple[Block, ...]:
         return ()
     case_of = {name: case.name for case in study.cases.values() for name in case.controllers}
     words = list(dict.fromkeys(word for own in kinds.values() for word in own))
-    heads = [
-        f"{word}, on {case}" if (case := case_of[name]) else word
-        for word in words
-        for name in [next(own[word] for own in kinds.values() if word in own)]
-    ]
+    first = {word: name for own in reversed(kinds.values()) for word, name in own.items()}
+    heads = [f"{word}, on {case}" if (case := case_of[first[word]]) else word for word in words]
     records = {name: result.record(name, scenario, case) for name, case in case_of.items()}
     measured = {n: r.metrics for n, r in records.items() if r is not None and r.metrics is not None}
     labels = labels_of(columns("page")[:_METRICS], (c for m in measured.values() for c in m))
@@ -125,5 +122,4 @@ def _drawn(
     label(panels[-1], x="time in s")
     handles = [named_line(word, INK, width=1.5, style=style) for word, style in styles.items()]
     key(panels[0], columns=4, handles=[*handles, named_line("reference", REFERENCE, width=1.0)])
-    figure.align_ylabels()
     return figure
