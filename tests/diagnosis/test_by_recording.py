@@ -178,6 +178,6 @@ def test_what_acts_alike_in_all_recordings_does_not_differ() -> None:
 
 
 def test_beside_a_sensor_that_is_off_no_place_of_the_process_still_lacks_something() -> None:
-    nothing, most = (Location({"core": gain}, {}, gain) for gain in (0.011, 1000.0))
+    nothing, most = (Location({"core": gain}) for gain in (0.011, 1000.0))
     assert still_missing(nothing, nothing) == 0.0
-    assert still_missing(most, Location({"core": 900.0}, {}, 900.0)) == pytest.approx(0.9)
+    assert still_missing(most, Location({"core": 900.0})) == pytest.approx(0.9)

@@ -90,15 +90,13 @@ def test_doubted_findings_beside_which_all_is_still_missing_are_no_names(
     left: float,
     hollow: bool,
 ) -> None:
-    found: Any = SimpleNamespace(
-        before=Location({"axis": 100.0}, {}, 100.0), prepared=Prepared((), (), ())
-    )
+    found: Any = SimpleNamespace(before=Location({"axis": 100.0}), prepared=Prepared((), (), ()))
     chosen: Any = SimpleNamespace(
         accepted=(SimpleNamespace(candidate=SimpleNamespace(doubts=doubts)),),
         extended=SimpleNamespace(model=None),
     )
     task: Any = SimpleNamespace(fitting=(), started=lambda *_: ())
     monkeypatch.setattr(module, "run_freely", lambda *_: (chosen, explained))
-    rest = Location({"axis": 100.0 * left}, {}, 100.0)
+    rest = Location({"axis": 100.0 * left})
     monkeypatch.setattr(module, "where", lambda *_: rest)
     assert module._hollow(task, found, chosen) is hollow

@@ -394,7 +394,7 @@ def test_a_memory_that_may_be_shorter_than_a_sample_is_doubted(
 def test_what_is_small_and_clearly_there_is_told() -> None:
     given = example_diagnosis()
     for gain, told in ((40.0, False), (750.0, True)):
-        location = Location({"axis": gain}, {"axis": gain}, gain)
+        location = Location({"axis": gain})
         said = _small(replace(given, located=location))
         assert bool(said) == said.startswith(" Something small acts at axis.force") == told
 

@@ -364,7 +364,7 @@ def where(base: ProcessNoiseFit, prepared: Prepared) -> Location:
     try:
         return locate(base.model, prepared.fitting)
     except (NumericalError, np.linalg.LinAlgError):
-        return Location({}, {}, 0.0)
+        return Location({})
 
 
 def relocated(task: Task, found: Diagnosis, selected: Selected) -> tuple[Diagnosis, Selected]:

@@ -76,7 +76,7 @@ def test_a_curve_without_a_name_is_looked_for_where_all_is_missing(
 ) -> None:
     given, task = example_diagnosis(), example_task()
     port = given.nominal.ports[0]
-    task.__dict__["one_place"] = Location({port.group: 1.0}, {}, 1.0), given.base
+    task.__dict__["one_place"] = Location({port.group: 1.0}), given.base
     ports = Mock(side_effect=WorkbenchError("asked"))
     monkeypatch.setattr(engine, "nonparametric_term", ports)
     nothing = Selected(given.base, task.priors)

@@ -37,7 +37,7 @@ def test_nothing_is_located_where_nothing_is_hidden() -> None:
 
 
 def test_location_prints_the_groups_by_gain() -> None:
-    text = str(Location({"a": 1.0, "b": 50.0}, {"a": 0.0, "b": 40.0}, 55.0))
+    text = str(Location({"a": 1.0, "b": 50.0}))
     assert text.index("b ") < text.index("a  ")
 
 

@@ -66,7 +66,7 @@ def test_a_search_begins_again_unless_all_is_missing_at_one_place(
     one_place: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     given, task = example_diagnosis(), example_task()
-    task.__dict__["one_place"] = (Location({}, {}, 0.0), given.base) if one_place else None
+    task.__dict__["one_place"] = (Location({}), given.base) if one_place else None
     came_to_nothing = Selected(given.base, task.priors, began="creep")
     monkeypatch.setattr(selection_search, "_round", lambda *_: (came_to_nothing, False))
     assert given.scored is not None

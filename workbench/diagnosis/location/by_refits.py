@@ -58,5 +58,5 @@ def located_by_refits(
         return None
     most = max(fit.cost for fit in fits.values())
     alone = {group: most - fit.cost for group, fit in fits.items()}
-    location = Location(alone, dict.fromkeys(alone, 0.0), most - best.cost)
+    location = Location(alone)
     return location, replace(base, refit=best, passed=None)

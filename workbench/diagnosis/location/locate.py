@@ -36,13 +36,9 @@ class Location:
 
     Args:
         alone: Gain of an input at this group only, by group of ports, dimensionless.
-        needed: Loss when this group is the only one without, by group, dimensionless.
-        together: Gain of an input at all groups, dimensionless.
     """
 
     alone: dict[str, float]
-    needed: dict[str, float]
-    together: float
 
     @property
     def best(self) -> str:
@@ -70,12 +66,9 @@ class Location:
         return [g for g in order if 0.0 < self.alone[g] >= 0.5 * self.alone[order[0]]]
 
     def __str__(self) -> str:
-        lines = [f"unknown input at every group gains {self.together:.0f}"]
-        lines += [
-            f"  {group:<16} alone {self.alone[group]:>10.0f}   left out {self.needed[group]:>10.0f}"
-            for group in sorted(self.alone, key=lambda g: -self.alone[g])
-        ]
-        return "\n".join(lines)
+        order = sorted(self.alone, key=lambda g: -self.alone[g])
+        lines = [f"  {group:<16} {self.alone[group]:>10.0f}" for group in order]
+        return "\n".join(["gain of an unknown input at each group alone", *lines])
 
 
 def _ports_of(model: Model, groups: Iterable[str]) -> tuple[str, ...]:
@@ -137,20 +130,16 @@ def locate(model: Model, recordings: Sequence[Observed]) -> Location:
             # Trusted equations that are badly wrong throw the filter out of their range.
             return _LOST
 
-    finite = (level for level in TRUSTED if cost(dict.fromkeys(groups, level)) < _LOST)
-    trusted = next(finite, TRUSTED[-1])
+    for trusted in TRUSTED:
+        rest = cost(dict.fromkeys(groups, trusted))
+        if rest < _LOST:
+            break
 
-    def best(free: Sequence[str]) -> float:
+    def best(free: str) -> float:
         # Beyond a level that gains nothing another one may, if far more is missing than is usual.
         return min(
-            cost({g: level if g in free else trusted for g in groups})
+            cost({g: level if g == free else trusted for g in groups})
             for level in (3 * trusted, *LEVELS)
         )
 
-    rest = cost(dict.fromkeys(groups, trusted))
-    everywhere = min(best(list(groups)), rest)
-    alone = {g: max(rest - best([g]), 0.0) for g in groups}
-    needed = {
-        g: max(min(best([h for h in groups if h != g]), rest) - everywhere, 0.0) for g in groups
-    }
-    return Location(alone, needed, rest - everywhere)
+    return Location({g: max(rest - best(g), 0.0) for g in groups})

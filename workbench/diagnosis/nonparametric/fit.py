@@ -306,8 +306,7 @@ def _with_evidence(
         own = found.curve(x, curve.argument)
         at = np.linspace(curve.knots[0], curve.knots[-1], 60)
         places = [names.index(f"{EFFECT_NAME}.{short}") for short in curve.names]
-        inflation = fit.inflations[places]
-        covariance = fit.covariance[np.ix_(places, places)] * np.outer(inflation, inflation)
+        covariance = fit.covariance[np.ix_(places, places)]
         centre = np.array([fit.estimates[i].value for i in places])
         drawn = rng.multivariate_normal(centre, covariance, size=_DRAWS, method="svd")
         arguments.append(
