@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from workbench.model import EffectView, PortView
+from workbench.model import PortView
 from workbench.model.regularisation import Expression
 from workbench.model.units import SPEEDS, same_dimension
 from workbench.physics.drift import for_a_while, offset_jump, passed, when
@@ -21,9 +21,6 @@ def _begins(law: Law, name: str, source: str) -> tuple[Law, Law]:
     def transform(at: PortView) -> Expression:
         return at.value + passed(at) * (law.transform(at) - at.value)
 
-    def clocks(e: EffectView) -> dict[str, Expression]:
-        return {clock: 1.0 + 0.0 * since for clock, since in e.x.items()}
-
     jump = replace(
         law,
         name=f"{name}_jump",
@@ -31,7 +28,7 @@ def _begins(law: Law, name: str, source: str) -> tuple[Law, Law]:
         parameters=lambda at: (*law.parameters(at), *when(at)),
         transform=transform,
         states=offset_jump.states,
-        rates=clocks,
+        rates=offset_jump.rates,
         shapes=lambda at: [
             {**shape, **then} for shape in law.shapes(at)[:2] for then in offset_jump.shapes(at)
         ],

@@ -8,7 +8,7 @@ import casadi as ca
 
 from workbench.model import PortView, State
 from workbench.model.regularisation import Expression
-from workbench.physics.law import Fit, Law, Own, by_number, shape, size, twins
+from workbench.physics.law import Fit, Law, Own, by_number, shape, size, size_at, twins
 from workbench.physics.place import Place
 from workbench.physics.survey import Survey
 
@@ -36,11 +36,10 @@ end_factor = Law(
 def _wall(at: Place) -> tuple[Own, ...]:
     length = at.signals["contraction"]
     return (
-        size("force", at.unit, 0.2 * at.scale, 5.0 * at.scale,
-             "force of the wall at the plateau", signed=True),
+        size_at(at, "force", 0.2, 5.0, "force of the wall at the plateau", signed=True),
         shape("reach", length.unit, 0.3 * length.scale, "contraction that leads to the plateau",
               around=(0.05, 20.0)),
-        shape("start", "1", 0.0, "force at full length over that of the plateau", around=None,
+        shape("start", "1", 0.0, "force at full length over that of the plateau",
               between=(-5.0, 5.0), scale=0.2),
     )  # fmt: skip
 
@@ -106,7 +105,7 @@ series_elasticity = Law(
     lambda at: (
         size("compliance", "m/N", 7e-6, 2e-5, "stretch of the tendon over its force",
              source="1e5 to 2e5 N/m in the literature"),
-        shape("viscosity", "N s/m", 0.0, "damping of the muscle in series with it", around=None,
+        shape("viscosity", "N s/m", 0.0, "damping of the muscle in series with it",
               between=(0.0, 5000.0), scale=100.0, source="", refined=True),
     ),
     _stretched,

@@ -32,7 +32,7 @@ creep = Law(
     lambda at: (
         size("share", "1", 0.02, 1.0, "part that arrives late", signed=True),
         shape("slow_part", "1", 0.5, "part of the share with the slow time constant",
-              around=None, between=(0.0, 1.0)),
+              between=(0.0, 1.0)),
         shape("time_constant", "s", at.horizon, "fast time constant"),
         shape("slow_time_constant", "s", 30.0 * at.horizon, "slow time constant", refined=True),
     ),
@@ -112,20 +112,16 @@ def _read_at_once(survey: Survey) -> Iterator[Fit]:
             yield f"_{own}_{cause.source}", ((site,),)
 
 
-def _path(at: Place) -> tuple[Own, ...]:
-    return (
-        gain_of(at, at.other("cause"), 0.05, "slow part of the response"),
-        shape("time_constant", "s", 0.1 * at.lasting, "time constant", around=(1e-3, 10.0)),
-    )
-
-
 # A voltage that follows a current at once, and goes on when it has settled: diffusion in a cell. A
 # field that follows the current of its coil, once what that induces beside it has died out.
 slow_response = Law(
     "slow_response",
     "y = y + gain z, dz/dt = (u - z) / time_constant",
     _read_at_once,
-    _path,
+    lambda at: (
+        gain_of(at, at.other("cause"), 0.05, "slow part of the response"),
+        shape("time_constant", "s", 0.1 * at.lasting, "time constant", around=(1e-3, 10.0)),
+    ),
     lambda at: at.value + at.p.gain * at.x.passed,
     states=lambda at: (
         State("passed", at.other("cause").unit, at.other("cause").scale,

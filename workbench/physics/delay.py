@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -49,8 +49,7 @@ sensor_lag = Law(
     sensors(),
     lambda at: (
         size("time", "s", 10 * at.interval, 250 * at.interval, "time constant"),
-        shape("sampled", "1", 0.0, "whether it filters samples", around=None, between=(0.0, 1.0),
-              fitted=False),
+        shape("sampled", "1", 0.0, "whether it filters samples", between=(0.0, 1.0), fitted=False),
         floor(at, 0.5),
     ),
     _filtered,
@@ -136,7 +135,7 @@ elastic_drive = Law(
               around=(0.01, 10.0)),
         shape("damping", "1", 0.1, "damping ratio of that", around=(0.01, 10.0)),
         shape("compliance", per(at.speed.unit, per(at.unit, "s")), 0.0,
-              "how far the driven body runs ahead of the read one", around=None,
+              "how far the driven body runs ahead of the read one",
               between=(0.0, 100.0 * at.interval * at.speed.scale / at.scale),
               scale=at.interval * at.speed.scale / at.scale, refined=True),
     ),
@@ -191,9 +190,9 @@ input_interpolation = Law(
 )
 
 
-def _times(usual: float, largest: float, lead: float = 0.0) -> Callable[[Place], tuple[Own, ...]]:
+def _times(at: Place, usual: float, largest: float, lead: float = 0.0) -> tuple[Own, ...]:
     """State a delay by sampling intervals: usual, largest plausible."""
-    return lambda at: (
+    return (
         size("time", "s", usual * at.interval, largest * at.interval, "delay",
              lower=-lead * at.interval if lead else None),
         floor(at, 1.0),
@@ -312,9 +311,9 @@ sensor_delay = Law(
     "Y / U = exp(-D s), each half to third order",
     sensors(),
     lambda at: (
-        *_times(5, 100, lead=0.5)(at),
+        *_times(at, 5, 100, lead=0.5),
         shape("advance", "s", 0.0, "part of it by which a recording was moved ahead",
-              around=None, between=(0.0, math.inf), scale=at.interval, source="", fitted=False),
+              between=(0.0, math.inf), scale=at.interval, source="", fitted=False),
     ),
     _READ.transform,
     states=_READ.states,
@@ -335,7 +334,7 @@ clock_shift = replace(
     sensor_delay,
     name="clock_shift",
     where=_common_clock,
-    parameters=_times(5, 100, lead=0.5),
+    parameters=lambda at: _times(at, 5, 100, lead=0.5),
     advance="",
     transform=_READ_AT_ONCE.transform,
     states=_READ_AT_ONCE.states,
@@ -357,7 +356,7 @@ delay = at_inputs_too(
         "delay",
         "Y / U = exp(-D s), Pade functions of second over third order of both halves",
         drives(),
-        _times(5, 50),
+        lambda at: _times(at, 5, 50),
         _SENT.transform,
         states=_SENT.states,
         rates=_SENT.rates,
@@ -375,7 +374,7 @@ valve_delay = replace(
     delay,
     name="valve_delay",
     where=each("valve_command"),
-    parameters=_times(2.5, 50),
+    parameters=lambda at: _times(at, 2.5, 50),
     look_alikes=("clock_shift", "spool_bandwidth", "slew_limit"),
     separated_by="steps of the command beside a fast spool or flow sensor",
 )

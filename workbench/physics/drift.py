@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import casadi as ca
@@ -25,6 +25,7 @@ from workbench.physics.law import (
     sensors,
     shape,
     size,
+    size_at,
     together,
     with_subject,
 )
@@ -40,17 +41,17 @@ _FRACTIONS = (0.5, 0.3, 0.7, 0.15, 0.85)
 """Times of a jump that are worth trying, as fractions of the recording."""
 
 
-def warming(typical: Callable[[Place], float]) -> Callable[[Place], tuple[Own, ...]]:
-    """State by how much, over the scale of a place, something usually drifts, and how fast."""
+def warming(at: Place, typical: float) -> tuple[Own, ...]:
+    """State by how much, over the scale of a place, something usually drifts, and how fast.
 
-    def parameters(at: Place) -> tuple[Own, ...]:
-        s = typical(at) * at.scale
-        return (
-            size("amount", at.unit, s, 5.0 * s, "drift by the end of the recordings", signed=True),
-            *_warmed(at),
-        )
-
-    return parameters
+    Args:
+        typical: The usual drift over that scale, dimensionless.
+    """
+    s = typical * at.scale
+    return (
+        size("amount", at.unit, s, 5.0 * s, "drift by the end of the recordings", signed=True),
+        *_warmed(at),
+    )
 
 
 def _warmed(at: Place) -> tuple[Own, Own]:
@@ -62,7 +63,7 @@ def _warmed(at: Place) -> tuple[Own, Own]:
     one = 1.0 / at.lasting
     return (
         shape("rate_constant", "1/s", one, "1 / time constant; 0 of a ramp, below if it gains pace",
-              around=None, between=(-3.0 * one, 20.0 * one), scale=one, read="1/s"),
+              between=(-3.0 * one, 20.0 * one), scale=one, read="1/s"),
         known("lasting", "s", at.lasting, "length of the recordings"),
     )  # fmt: skip
 
@@ -84,7 +85,7 @@ sensor_drift = Law(
     "sensor_drift",
     "y = u + amount w, w = (1 - exp(-k t)) / (1 - exp(-k lasting)), k = rate_constant",
     sensors(together=False),
-    warming(sensor_error),
+    lambda at: warming(at, sensor_error(at)),
     lambda at: at.value + at.p.amount * at.x.warm,
     states=lambda at: (_WARM,),
     rates=_warming_up,
@@ -161,7 +162,7 @@ def when(at: Place) -> tuple[Own, ...]:
     """
     known = at.recorded.duration
     return (
-        shape("time", "s", _FRACTIONS[0] * at.lasting, "time of the jump", around=None,
+        shape("time", "s", _FRACTIONS[0] * at.lasting, "time of the jump",
               between=(_WIDTH * known, known or TIMES_S[1]), scale=0.1 * at.lasting),
         shape("width", "s", _WIDTH * at.lasting, "half-width of the jump",
               around=(2e-3, 5.0), source="", fitted=False),
@@ -181,7 +182,7 @@ offset_jump = Law(
     "y = u + amount step(t - time)",
     _pushed,
     lambda at: (
-        size("amount", at.unit, 0.05 * at.scale, at.scale, "height of the jump", signed=True),
+        size_at(at, "amount", 0.05, 1.0, "height of the jump", signed=True),
         *when(at),
     ),
     lambda at: at.value + at.p.amount * passed(at),
@@ -231,24 +232,20 @@ offset_pulse = for_a_while(offset_jump)
 
 
 def _wave(
-    usual: Callable[[Place], float], when: str = "when it first rises through zero"
-) -> Callable[[Place], tuple[Own, ...]]:
-    def parameters(at: Place) -> tuple[Own, ...]:
-        period = at.recorded.period or at.horizon
-        apart = min(0.5, period / at.lasting)
-        return (
-            size("amplitude", at.unit, usual(at) * at.scale, 200.0 * usual(at) * at.scale,
-                 "amplitude", signed=True),
-            shape("period", "s", period, "period", around=(1.0 - apart, 1.0 + apart),
-                  scale=0.1 * apart * period, source=""),
-            shape("time", "s", 0.0, when, around=None,
-                  between=(-2.0 * period, 2.0 * period), scale=0.1 * period, source=""),
-            shape("flatness", "1", 0.0, "0 for a sine, large for a square wave", around=None,
-                  between=(0.0, 1e3), scale=1.0, source=""),
-            floor(at, 0.5),
-        )  # fmt: skip
-
-    return parameters
+    at: Place, usual: float, when: str = "when it first rises through zero"
+) -> tuple[Own, ...]:
+    period = at.recorded.period or at.horizon
+    apart = min(0.5, period / at.lasting)
+    return (
+        size_at(at, "amplitude", usual, 200.0 * usual, "amplitude", signed=True),
+        shape("period", "s", period, "period", around=(1.0 - apart, 1.0 + apart),
+              scale=0.1 * apart * period, source=""),
+        shape("time", "s", 0.0, when, between=(-2.0 * period, 2.0 * period), scale=0.1 * period,
+              source=""),
+        shape("flatness", "1", 0.0, "0 for a sine, large for a square wave", between=(0.0, 1e3),
+              scale=1.0, source=""),
+        floor(at, 0.5),
+    )  # fmt: skip
 
 
 def _sine(at: PortView, late: float = 0.0) -> Expression:
@@ -279,7 +276,7 @@ periodic_push = replace(
         *EFFORTS, "flow", "heat", "current",
         only=lambda at: at.recorded.period > 0.0 and not at.commanded, label=by_port,
     ),
-    parameters=_wave(lambda at: 0.1),
+    parameters=lambda at: _wave(at, 0.1),
     transform=_waved,
     shapes=lambda at: [
         {"time": part * (at.recorded.period or at.horizon), "flatness": flatness}
@@ -299,9 +296,9 @@ periodic_pulse = replace(
     equation="y = u + amplitude r sqrt((1 + flatness) / (1 + flatness r^2)), r = max(0,"
     " (cos(2 pi (t - time) / period) - c) / (1 - c)), c = cos(pi part)",
     parameters=lambda at: (
-        *_wave(lambda at: 0.1, "when it is strongest")(at),
-        shape("part", "1", 0.3, "part of the period in which it acts", around=None,
-              between=(0.02, 0.98), scale=0.1),
+        *_wave(at, 0.1, "when it is strongest"),
+        shape("part", "1", 0.3, "part of the period in which it acts", between=(0.02, 0.98),
+              scale=0.1),
     ),
     transform=_shone,
     shapes=lambda at: [
@@ -318,7 +315,7 @@ sensor_hum = replace(
     periodic_push,
     name="sensor_hum",
     where=sensors(together=False, only=lambda at: at.recorded.period > 0.0),
-    parameters=_wave(sensor_error),
+    parameters=lambda at: _wave(at, sensor_error(at)),
     group="sensor",
     source="pick-up of mains, light or vibration",
     look_alikes=("periodic_push",),
@@ -375,8 +372,8 @@ sensor_jump = replace(
     name="sensor_jump",
     where=sensors(together=False),
     parameters=lambda at: (
-        size("amount", at.unit, sensor_error(at) * at.scale,
-             5.0 * sensor_error(at) * at.scale, "height of the jump", signed=True),
+        size_at(at, "amount", sensor_error(at), 5.0 * sensor_error(at), "height of the jump",
+                signed=True),
         *when(at),
     ),
     group="sensor",
@@ -401,8 +398,7 @@ def parameter_amount(at: Place) -> Own:
     if not at.parameters:
         return size("amount", "1", 1.0, 10.0, "change of the parameter", signed=True)
     q = at.parameters[0]
-    return size("amount", q.unit, 0.3 * q.scale, 10.0 * q.scale,
-                f"change of {q.name}", signed=True)  # fmt: skip
+    return size_at(q, "amount", 0.3, 10.0, f"change of {q.name}", signed=True)
 
 
 def _changed(at: PortView, part: Expression) -> Expression:
@@ -447,7 +443,7 @@ offset_by_recording = Law(
     "offset_by_recording",
     "y = u + amount level, one level in each recording",
     _pushed,
-    lambda at: (size("amount", at.unit, 0.05 * at.scale, at.scale, "offset at a level of one"),),
+    lambda at: (size_at(at, "amount", 0.05, 1.0, "offset at a level of one"),),
     lambda at: at.value + at.p.amount * at.x.level,
     states=lambda at: (State("level", "1", 1.0, "level of a recording", 1.0, start_rms=2.0),),
     rates=lambda e: {"level": 0.0 * e.x.level},
@@ -463,13 +459,12 @@ sensor_offset_by_recording = replace(
     name="sensor_offset_by_recording",
     where=sensors(together=False),
     parameters=lambda at: (
-        size("amount", at.unit, sensor_error(at) * at.scale, 5.0 * sensor_error(at) * at.scale,
-             "offset at a level of one"),
+        size_at(at, "amount", sensor_error(at), 5.0 * sensor_error(at), "offset at a level of one"),
     ),
     group="sensor",
     source="a zero that is set at power-on",
     look_alikes=("sensor_offset", "sensor_drift"),
-)  # fmt: skip
+)
 
 # At a force that is all that moves a body: of another load it moves more, or less.
 gain_by_recording = replace(
@@ -482,7 +477,7 @@ gain_by_recording = replace(
     parameters=lambda at: (size("amount", "1", 0.1, 1.0, "relative change at a level of one"),),
     transform=lambda at: at.value * (1.0 + at.p.amount * at.x.level),
     look_alikes=("gain", "gain_fade", "parameter_by_recording"),
-)  # fmt: skip
+)
 
 parameter_by_recording = replace(
     offset_by_recording,

@@ -21,11 +21,12 @@ from workbench.physics.law import (
     rounding,
     shape,
     size,
+    size_at,
     twins,
     with_subject,
 )
 from workbench.physics.parameter_arguments import joint_dampings
-from workbench.physics.place import RESISTED, Local, Place
+from workbench.physics.place import RESISTED, Place
 from workbench.physics.survey import Survey
 
 _SMOOTH = 0.02
@@ -39,6 +40,11 @@ def transition(at: Place, around: float = 1e3) -> Own:
                  fitted=False)  # fmt: skip
 
 
+def sliding(at: PortView) -> Expression:
+    """Return the sign of the speed, dimensionless, rounded over the transition speed."""
+    return ca.tanh(at.signals.speed / at.p.transition_speed)
+
+
 def _reversals(at: Place) -> list[dict[str, float]]:
     """Return reversals: smooth; so short that a machine sticks; and that it does not creep on."""
     return [{"transition_speed": k * at.speed.scale} for k in (_SMOOTH, 5e-4, 2e-5)]
@@ -49,10 +55,10 @@ coulomb_friction = Law(
     "T = -level tanh(speed / transition_speed)",
     each(*RESISTED, needs=("speed",)),
     lambda at: (
-        size("level", at.unit, 0.05 * at.scale, 0.5 * at.scale, "dry friction level", resists=True),
+        size_at(at, "level", 0.05, 0.5, "dry friction level", resists=True),
         transition(at, 1e4),
     ),
-    lambda at: at.value - at.p.level * ca.tanh(at.signals.speed / at.p.transition_speed),
+    lambda at: at.value - at.p.level * sliding(at),
     shapes=_reversals,
     dry=True,
     usual=True,
@@ -67,24 +73,21 @@ viscous_friction = Law(
     "viscous_friction",
     "T = -coefficient speed",
     each(*RESISTED, needs=("speed",)),
-    lambda at: (
-        size("coefficient", per(at.unit, at.speed.unit), 0.05 * at.scale / at.speed.scale,
-             0.5 * at.scale / at.speed.scale, "damping", resists=True),
-    ),
+    lambda at: (size_at(at, "coefficient", 0.05, 0.5, "damping", over=at.speed, resists=True),),
     lambda at: at.value - at.p.coefficient * at.signals.speed,
     usual=True,
     source="linear damper",
     look_alikes=("muscle_viscosity", "quadratic_drag"),
     separated_by="swings of small and large amplitude",
-)  # fmt: skip
+)
 
 quadratic_drag = Law(
     "quadratic_drag",
     "T = -coefficient v |v|",
     each(*RESISTED, needs=("speed",)),
     lambda at: (
-        size("coefficient", per(at.unit, at.speed.unit, 2), 0.02 * at.scale / at.speed.scale**2,
-             0.5 * at.scale / at.speed.scale**2, "drag over squared speed", resists=True),
+        size_at(at, "coefficient", 0.02, 0.5, "drag over squared speed", over=at.speed, power=2,
+                resists=True),
     ),
     # Its slope has no jump: nothing needs rounding.
     lambda at: at.value - at.p.coefficient * at.signals.speed * EXACT.absolute(at.signals.speed, 0),
@@ -98,8 +101,8 @@ cubic_drag = Law(
     "T = -coefficient v^3",
     each(*RESISTED, needs=("speed",)),
     lambda at: (
-        size("coefficient", per(at.unit, at.speed.unit, 3), 0.02 * at.scale / at.speed.scale**3,
-             5.0 * at.scale / at.speed.scale**3, "drag over cubed speed", resists=True),
+        size_at(at, "coefficient", 0.02, 5.0, "drag over cubed speed", over=at.speed, power=3,
+                resists=True),
     ),
     lambda at: at.value - at.p.coefficient * at.signals.speed**3,
     source="damping that grows with the amplitude; wire that its current heats",
@@ -121,9 +124,8 @@ direction_dependent_viscous = Law(
     "T = -(difference / 2) |v|",
     each(*RESISTED, needs=("speed",), only=_reverses),
     lambda at: (
-        size("difference", per(at.unit, at.speed.unit), 0.025 * at.scale / at.speed.scale,
-             0.5 * at.scale / at.speed.scale,
-             "damping forwards less damping backwards", signed=True),
+        size_at(at, "difference", 0.025, 0.5, "damping forwards less damping backwards",
+                over=at.speed, signed=True),
         rounding(at),
     ),
     lambda at: at.value
@@ -142,12 +144,11 @@ direction_dependent_friction = Law(
     "T = -(difference / 2) tanh(v / transition_speed)^2",
     each(*RESISTED, needs=("speed",), only=lambda at: at.dry and _reverses(at)),
     lambda at: (
-        size("difference", at.unit, 0.05 * at.scale, 1.0 * at.scale,
-             "dry friction forwards less that backwards", signed=True),
+        size_at(at, "difference", 0.05, 1.0, "dry friction forwards less that backwards",
+                signed=True),
         transition(at),
     ),
-    lambda at: at.value
-    - 0.5 * at.p.difference * ca.tanh(at.signals.speed / at.p.transition_speed) ** 2,
+    lambda at: at.value - 0.5 * at.p.difference * sliding(at) ** 2,
     dry=True,
     source="seals and gears loaded on one flank; Armstrong-Helouvry et al., Automatica 30 (1994)",
     look_alikes=("constant_torque", "direction_dependent_viscous", "offset"),
@@ -156,10 +157,9 @@ direction_dependent_friction = Law(
 
 
 def _fading(at: PortView) -> Expression:
-    v = at.signals.speed
-    fading = ca.exp(-((v / at.p.stribeck_speed) ** 2))
+    fading = ca.exp(-((at.signals.speed / at.p.stribeck_speed) ** 2))
     kept = fading + at.p.coulomb_share * (1.0 - fading)
-    return at.value - at.p.break_away * kept * ca.tanh(v / at.p.transition_speed)
+    return at.value - at.p.break_away * kept * sliding(at)
 
 
 # Where dry friction is attached already, the Coulomb level is in that.
@@ -169,12 +169,12 @@ stribeck_friction = Law(
     " k = coulomb_share",
     each(*RESISTED, needs=("speed",)),
     lambda at: (
-        size("break_away", at.unit, 0.1 * at.scale, 0.5 * at.scale,
-             "friction at standstill, above what is attached", source="estimate", resists=True),
+        size_at(at, "break_away", 0.1, 0.5, "friction at standstill, above what is attached",
+                source="estimate", resists=True),
         shape("stribeck_speed", at.speed.unit, 0.1 * at.speed.scale,
               "speed over which the break-away fades", around=(0.05, 10.0)),
         shape("coulomb_share", "1", 0.0, "what is left of it at high speed, relative to it",
-              around=None, between=(0.0, 1.0), fitted=not at.dry_declared),
+              between=(0.0, 1.0), fitted=not at.dry_declared),
         transition(at),
     ),
     _fading,
@@ -212,17 +212,15 @@ lugre_friction = Law(
     "T = -level (z + damping_time dz/dt), dz/dt = (v - |v| z / s(v)) / presliding",
     each(*RESISTED, needs=("speed",)),
     lambda at: (
-        size("level", at.unit, 0.05 * at.scale, 0.5 * at.scale,
-             "friction at high speed", resists=True),
+        size_at(at, "level", 0.05, 0.5, "friction at high speed", resists=True),
         shape("presliding", at.coordinate.unit, 2e-3 * at.coordinate.scale,
               "displacement over which the bristles bend", around=(0.02, 50.0)),
         shape("stribeck_share", "1", 0.5, "break-away above the level, relative to it",
-              around=None, between=(0.0, 20.0)),
+              between=(0.0, 20.0)),
         shape("stribeck_speed", at.speed.unit, 0.1 * at.speed.scale,
               "speed over which the break-away fades", around=(0.05, 10.0), refined=True),
         shape("damping_time", "s", 0.0, "damping of the bristle over its stiffness",
-              around=None, between=(0.0, 50.0 * at.interval), scale=0.5 * at.interval,
-              fitted=False),
+              between=(0.0, 50.0 * at.interval), scale=0.5 * at.interval, fitted=False),
         floor(at, 0.5),
     ),
     _of_bristles,
@@ -242,8 +240,7 @@ lugre_friction = Law(
 # pressure loads the contact of braid and tube. Negative sums of loads count as none.
 def _of_bearing(at: PortView) -> Expression:
     load = sum(value for name, value in at.signals.items() if name.startswith("bearing_load_"))
-    sliding = ca.tanh(at.signals.speed / at.p.transition_speed)
-    return at.value - at.p.coefficient * EXACT.ramp(load, 0.0) * sliding
+    return at.value - at.p.coefficient * EXACT.ramp(load, 0.0) * sliding(at)
 
 
 def _typical(at: Place) -> float:
@@ -286,10 +283,7 @@ transmission_friction = at_inputs_too(
                  resists=True),
             transition(at),
         ),
-        lambda at: at.value
-        * ca.exp(
-            -at.p.share * ca.tanh(at.signals.speed / at.p.transition_speed) * ca.sign(at.value)
-        ),
+        lambda at: at.value * ca.exp(-at.p.share * sliding(at) * ca.sign(at.value)),
         dry=True,
         source="L. Euler 1769, J. A. Eytelwein 1808: a rope around a post; efficiency of a gear",
         look_alikes=("coulomb_friction", "load_dependent_friction", "asymmetric_gain"),
@@ -301,8 +295,8 @@ transmission_friction = at_inputs_too(
 
 def _of_muscle(at: PortView) -> Expression:
     load = at.form.ramp(at.signals.gauge_pressure, 1.0)
-    sliding = ca.tanh(at.signals.contraction_speed / at.p.transition_speed)
-    return at.value - at.p.coefficient * load * sliding
+    rubs = ca.tanh(at.signals.contraction_speed / at.p.transition_speed)
+    return at.value - at.p.coefficient * load * rubs
 
 
 pressure_friction = Law(
@@ -335,7 +329,7 @@ muscle_viscosity = Law(
     lambda at: (
         size("coefficient", "N s/m", 300.0, 5000.0, "damping without pressure",
              source="100 to 800 in the literature"),
-        shape("growth", "Pa^-1", 0.0, "relative growth of the damping with pressure", around=None,
+        shape("growth", "Pa^-1", 0.0, "relative growth of the damping with pressure",
               between=(0.0, 2e-4), scale=1e-5, source="", refined=True),
     ),
     _damped,
@@ -353,17 +347,12 @@ def _joints(survey: Survey) -> Iterator[Fit]:
         )
 
 
-def _damping(at: Place) -> tuple[str, float, Local]:
-    """Return unit and typical size of a damping, and the speed over which it acts."""
-    unit, scale = (at.parameters[0].unit, at.parameters[0].scale) if at.parameters else ("1", 1.0)
-    return unit, scale, at.other("turning")
-
-
 def _friction(at: Place) -> tuple[Own, ...]:
-    unit, damping, speed = _damping(at)
-    typical = damping * speed.scale
+    damping, speed = at.changed, at.other("turning")
+    typical = damping.scale * speed.scale
     return (
-        size("level", per(unit, speed.unit, -1), typical, 50.0 * typical, "dry friction level"),
+        size("level", per(damping.unit, speed.unit, -1), typical, 50.0 * typical,
+             "dry friction level"),
         shape("transition_speed", speed.unit, _SMOOTH * speed.scale, "speed scale of the reversal",
               around=(1e-4, 1e4), fitted=False),
     )  # fmt: skip
@@ -391,10 +380,10 @@ joint_friction = Law(
 
 
 def _drag(at: Place) -> tuple[Own, ...]:
-    unit, damping, speed = _damping(at)
-    typical = damping / speed.scale
+    damping, speed = at.changed, at.other("turning")
+    typical = damping.scale / speed.scale
     return (
-        size("coefficient", per(unit, speed.unit), typical, 50.0 * typical,
+        size("coefficient", per(damping.unit, speed.unit), typical, 50.0 * typical,
              "drag over squared speed"),
     )  # fmt: skip
 

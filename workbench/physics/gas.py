@@ -181,7 +181,7 @@ polytropic_gas = Law(
     chambers("pressure", "enthalpy_flow", "mass_flow", "volume_rate"),
     lambda at: (
         share("share of the law; 0 is its absence"),
-        shape("exponent", "1", 1.2, "polytropic exponent", around=None, between=(0.9, 1.5)),
+        shape("exponent", "1", 1.2, "polytropic exponent", between=(0.9, 1.5)),
     ),
     _polytropic,
     shapes=lambda at: tuple({"exponent": n} for n in (1.2, 1.05, 1.35)),

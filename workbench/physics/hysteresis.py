@@ -12,8 +12,19 @@ from collections.abc import Callable
 
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import EXACT, Expression, Form
-from workbench.physics.law import Law, Own, Rates, each, floor, rounding, shape, size, twins
-from workbench.physics.place import RESISTED, Place
+from workbench.physics.law import (
+    Law,
+    Own,
+    Rates,
+    each,
+    floor,
+    rounding,
+    shape,
+    size,
+    size_at,
+    twins,
+)
+from workbench.physics.place import RESISTED
 
 FLOOR_S = 1e-3
 """Time, in s, in which a contact that slips lets go of what it was stretched too far, so that
@@ -105,10 +116,10 @@ def _states(count: int) -> tuple[State, ...]:
 
 def _elements(count: int) -> tuple[Own, ...]:
     ratio = shape("spread", "1", _SPREAD, "ratio of the break-aways of neighbouring elements",
-                  around=None, between=(1.2, 6.0), scale=1.0)  # fmt: skip
+                  between=(1.2, 6.0), scale=1.0)  # fmt: skip
     weights = (
         shape(f"weight_{i + 1}", "1", 1.0, f"force of element {i + 1} over that of element 1",
-              around=None, between=(0.0, 20.0), refined=True)
+              between=(0.0, 20.0), refined=True)
         for i in range(1, count)
     )  # fmt: skip
     return (*((ratio,) if count > 1 else ()), *weights)
@@ -128,9 +139,9 @@ def muscle_slip(elements: int = _ELEMENTS) -> Law:
         lambda at: (
             size("level", "N", 10.0, 100.0, "half width of the loop without pressure"),
             shape("growth", "Pa^-1", 7e-6, "relative growth of the half width with pressure",
-                  around=None, between=(0.0, 2e-4), scale=1e-5),
+                  between=(0.0, 2e-4), scale=1e-5),
             shape("breakaway", "m", 2.5e-4, "contraction after which the first element slips",
-                  around=None, between=(5e-5, 5e-3)),
+                  between=(5e-5, 5e-3)),
             *_elements(elements),
         ),
         transform,
@@ -146,17 +157,12 @@ def muscle_slip(elements: int = _ELEMENTS) -> Law:
 
 def prandtl_ishlinskii(elements: int = _ELEMENTS) -> Law:
     """Return a weighted sum of stop operators at any port that drives a speed."""
-
-    def breakaways(at: Place) -> list[dict[str, float]]:
-        return [{"breakaway": k * at.coordinate.scale} for k in (2e-3, 1e-2)]
-
     return Law(
         "joint_hysteresis",
         "y = y - level sum(w_i z_i) / sum(w_i), z_i stop operators",
         each(*RESISTED, needs=("speed",)),
         lambda at: (
-            size("level", at.unit, 0.05 * at.scale, 0.5 * at.scale,
-                 "half width of the loop", resists=True),
+            size_at(at, "level", 0.05, 0.5, "half width of the loop", resists=True),
             shape("breakaway", at.coordinate.unit, 2e-3 * at.coordinate.scale,
                   "motion after which the first element slips", around=(0.05, 20.0)),
             *_elements(elements),
@@ -165,7 +171,7 @@ def prandtl_ishlinskii(elements: int = _ELEMENTS) -> Law:
         lambda at: at.value - at.p.level * _mean_slip(at, elements),
         states=lambda at: _states(elements),
         rates=_slip_rates(elements, "speed", lambda e: e.p.floor),
-        shapes=breakaways,
+        shapes=lambda at: [{"breakaway": k * at.coordinate.scale} for k in (2e-3, 1e-2)],
         dry=True,
         usual=True,
         source="L. Prandtl 1928, A. Yu. Ishlinskii 1944; Krasnosel'skii and Pokrovskii 1989",
@@ -213,16 +219,16 @@ muscle_hysteresis = Law(
     " dz/dt = (v - (1 - gamma) |v| |z|^(n-1) z - gamma v |z|^n) / breakaway",
     twins("muscle_force", needs=("contraction_speed", "gauge_pressure")),
     lambda at: (
-        shape("level", "N", 10.0, "half width of the loop without pressure",
-              around=None, between=(0.0, 100.0), source="", absent=0.0),
+        shape("level", "N", 10.0, "half width of the loop without pressure", between=(0.0, 100.0),
+              source="", absent=0.0),
         size("level_per_pressure", "N/Pa", 7e-5, 5e-4,
              "growth of the half width with pressure", scale=1e-4),
-        shape("breakaway", "m", 5e-4, "contraction over which the loop turns",
-              around=None, between=(5e-5, 1e-2), source=""),
-        shape("exponent", "1", 1.0, "sharpness of the turn",
-              around=None, between=(1.0, 6.0), source="", refined=True),
+        shape("breakaway", "m", 5e-4, "contraction over which the loop turns", between=(5e-5, 1e-2),
+              source=""),
+        shape("exponent", "1", 1.0, "sharpness of the turn", between=(1.0, 6.0), source="",
+              refined=True),
         shape("gamma", "1", 0.0, "above 0 the ends of the loop soften, below they harden",
-              around=None, between=(-1.0, 0.9), scale=1.0, source="", refined=True),
+              between=(-1.0, 0.9), scale=1.0, source="", refined=True),
     ),
     _of_muscle_loop,
     states=lambda at: _loop(),
@@ -242,14 +248,12 @@ bouc_wen_hysteresis = Law(
     "T = T0 - level z, dz/dt = (v - |v| |z|^(n-1) z - skew v |z|^n) / breakaway",
     each(*RESISTED, needs=("speed",)),
     lambda at: (
-        size("level", at.unit, 0.05 * at.scale, 0.5 * at.scale,
-             "half width of the loop", resists=True),
+        size_at(at, "level", 0.05, 0.5, "half width of the loop", resists=True),
         shape("breakaway", at.coordinate.unit, 1e-2 * at.coordinate.scale,
               "motion over which the loop turns", around=(0.02, 500.0)),
         shape("skew", "1", 0.0, "gamma over beta: above 0 the ends soften, below they harden",
-              around=None, between=(-3.0, 3.0), scale=1.0),
-        shape("exponent", "1", 1.0, "sharpness of the turn",
-              around=None, between=(1.0, 6.0), refined=True),
+              between=(-3.0, 3.0), scale=1.0),
+        shape("exponent", "1", 1.0, "sharpness of the turn", between=(1.0, 6.0), refined=True),
         rounding(at),
     ),
     lambda at: at.value - at.p.level * at.x.turn,

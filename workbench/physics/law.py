@@ -143,6 +143,34 @@ def size(
     )  # fmt: skip
 
 
+def size_at(
+    of: Place | Local | Parameter,
+    name: str,
+    typical: float,
+    largest: float,
+    text: str,
+    *,
+    over: Local | None = None,
+    power: int = 1,
+    signed: bool = False,
+    source: str = "",
+    resists: bool = False,
+) -> Own:
+    """State the size of a law by that of a place, signal or parameter, as `size` does in units.
+
+    Args:
+        of: What has the unit and the typical size.
+        typical: Usual magnitude over that, dimensionless.
+        largest: Largest plausible magnitude over that, dimensionless.
+        over: What divides both, to a power.
+    """
+    unit, by = of.unit, 1.0
+    if over is not None:
+        unit, by = per(unit, over.unit, power), over.scale**power
+    usual, most = (part * of.scale / by for part in (typical, largest))
+    return size(name, unit, usual, most, text, signed=signed, source=source, resists=resists)
+
+
 def gain_of(at: Place, cause: Local, part: float, text: str) -> Own:
     """State the gain of a law with which another signal enters at a place; its zero is its absence.
 
@@ -165,7 +193,7 @@ def shape(
     text: str,
     *,
     around: tuple[float, float] | None = (0.1, 10.0),
-    between: tuple[float, float] = (-math.inf, math.inf),
+    between: tuple[float, float] | None = None,
     scale: float = 0.0,
     source: str = "estimate",
     fitted: bool = True,
@@ -178,19 +206,19 @@ def shape(
 
     Args:
         value: Usual value, in ``unit``.
-        around: Bounds as multiples of the value, dimensionless.
-        between: Bounds in ``unit``, where the value does not give them (``around=None``).
+        around: Bounds as multiples of the value, dimensionless; None for no bounds.
+        between: Bounds in ``unit``, in place of those.
         scale: Scale of a fit, in ``unit``; the value's by default.
         absent: Value in a hypothesis, where that differs, in ``unit``.
         refined: Whether it is a detail, refitted as soon as the law was found and not before.
         read: Unit in which people read it; that of its place by default.
         strict: Whether beyond its bounds the law is another one, so that no fit widens them.
     """
-    lower, upper = around or between
+    lower, upper = between or around or (-math.inf, math.inf)
     return Own(
         name, unit, value, lower, upper, text, scale or abs(value) or 1.0, source,
-        fitted and not refined, relative=around is not None, absent=absent, refined=refined,
-        read=read, strict=strict,
+        fitted and not refined, relative=bool(around and not between), absent=absent,
+        refined=refined, read=read, strict=strict,
     )  # fmt: skip
 
 
@@ -205,6 +233,11 @@ def reference(name: str, unit: str, value: float, text: str) -> Own:
     It is no guess: no fit changes it, and nothing is unsure of it.
     """
     return shape(name, unit, value, text, around=(0.2, 5.0), source="", fitted=False)
+
+
+def flag(name: str, value: float, text: str, *, lower: float = 0.0) -> Own:
+    """State which of its forms a law has, up to 1 (dimensionless), which no fit changes."""
+    return shape(name, "1", value, text, between=(lower, 1.0), source="", fitted=False)
 
 
 def floor(at: Place, intervals: float) -> Own:
@@ -240,8 +273,8 @@ class Law:
     ``start`` their values at the start of a run. They see the port's signal as ``at.value``, its
     typical size as ``at.scale``, own parameters and states as ``at.p`` and ``at.x``, and by
     ``at.signals`` the port's local signals and the ``speed``, ``coordinate`` or ``level`` that
-    belongs to it, whatever the author of the plant has called them. What a law says of itself is
-    what `About` says of an effect.
+    belongs to it, whatever the author of the plant has called them. What a law says of itself, its
+    ``moment`` to ``advance`` too, is what `About` says of an effect.
 
     Args:
         name: Name of the law and, at the only port that it fits, of the effect.
@@ -259,13 +292,6 @@ class Law:
         whole: Whether the largest size is all that there can be, such as the whole of a load.
         usual: Whether machines usually have some of it that nobody tells a controller of.
         evident: Whether the recordings themselves show it at a place: a score is not asked.
-        moment: Name of the parameter that is the time of an event, on a clock that is a state.
-        period: Name of the parameter with which that event repeats, in s.
-        part: Name of the parameter that is the part of it in which it acts.
-        begins: Name of the state that begins otherwise in each recording.
-        level: Whether that state stays as it begins.
-        tells: Name of the parameter that is told beside the size.
-        advance: Name of the parameter by which recordings are moved ahead, in s.
         downhill: Whether it acts at the first of its ports, the others only take what it gives off.
         same_as: Names of hypotheses that give the very same measurements, of a model and the
             place where the law acts.
@@ -340,7 +366,8 @@ class Law:
             values: Values of the law's parameters, in their units; a usual size where none is
                 given.
         """
-        names = (ports,) if isinstance(ports, str) else tuple(ports)
+        several = (ports,) if isinstance(ports, str) else ports
+        named = tuple((site,) if isinstance(site, str) else tuple(site) for site in several)
         given = {"lower": lower, "upper": upper, "scale": typical, "source": source or None}
         changes: dict[str, object] = {
             key: value for key, value in given.items() if value is not None
@@ -352,14 +379,11 @@ class Law:
                 for q, first in zip(effect.parameters, unsettled.parameters, strict=True)
                 if q.value != first.value
             }
-            sites = self._sites(names, model)
+            sites = self._sites(named, model)
             return self._effect(sites, effect.name, {**values, **later}, changes, bounded=False)
 
         unsettled = self._effect(
-            tuple(
-                tuple(map(unknown_place, (site,) if isinstance(site, str) else site))
-                for site in names
-            ),
+            tuple(tuple(map(unknown_place, site)) for site in named),
             name or self.name,
             values,
             {"lower": -math.inf, "upper": math.inf, **changes},
@@ -408,9 +432,9 @@ class Law:
     def _size(self, at: Place) -> Own:
         return next(q for q in self.parameters(at) if q.typical > 0.0)
 
-    def _sites(self, names: Sequence[str | Sequence[str]], model: Model) -> tuple[Site, ...]:
+    def _sites(self, named: tuple[tuple[str, ...], ...], model: Model) -> tuple[Site, ...]:
         survey = _surveyed(model)
-        if tuple(names) == EVERYWHERE:
+        if named == (EVERYWHERE,):
             fits = list(self.where(survey))
             if not fits:
                 raise WorkbenchError(
@@ -419,14 +443,7 @@ class Law:
                     " or give it a role"
                 )
             return max((sites for _, sites in fits), key=len)
-        return tuple(
-            tuple(survey.place(port) for port in ((site,) if isinstance(site, str) else site))
-            for site in names
-        )
-
-    def _subject(self, sites: tuple[Site, ...]) -> str:
-        changed = _first(sites).parameters if self.of_parameter else ()
-        return changed[0].name if changed else ""
+        return tuple(tuple(map(survey.place, site)) for site in named)
 
     def _effect(
         self,
@@ -437,26 +454,23 @@ class Law:
         *,
         bounded: bool,
     ) -> Effect:
-        own = self.parameters(_first(sites))
-        if not _first(sites).directed:
+        first = _first(sites)
+        own = self.parameters(first)
+        if not first.directed:
             own = tuple(q.either_way() for q in own)
         for key in values:
             check_choice(f"parameter of effect {self.name}", key, [q.name for q in own])
-        parameters = []
-        for q in own:
-            value = values.get(q.name)
-            if not q.typical:
-                parameters.append(q.parameter(value, bounded=bounded))
-                continue
-            stated = replace(q, **changes)  # type: ignore[arg-type]
-            within = bounded or "upper" in changes
-            parameters.append(
-                stated.parameter(q.typical if value is None else value, bounded=within)
-            )
         sites_of = {q.name: (i, k, q) for i, site in enumerate(sites) for k, q in enumerate(site)}
         if len(sites_of) != sum(len(site) for site in sites):
             raise WorkbenchError(f"effect {name!r} acts twice on one of its ports")
         several = len(sites) > 1
+
+        def parameter(q: Own) -> Parameter:
+            if not q.typical:
+                return q.parameter(values.get(q.name), bounded=bounded)
+            stated = replace(q, **changes)  # type: ignore[arg-type]
+            within = bounded or "upper" in changes
+            return stated.parameter(values.get(q.name, q.typical), bounded=within)
 
         def weighed(at: PortView) -> Expression:
             """Return by how much more than at the start what a law adds is divided there."""
@@ -507,11 +521,13 @@ class Law:
 
         rates, start = self.rates, self.start
         told: dict[str, Any] = {f.name: getattr(self, f.name, "") for f in fields(About)}
+        if self.of_parameter and first.parameters:
+            told["subject"] = first.parameters[0].name
         return Effect(
             name,
             tuple(sites_of),
             lambda at: self.transform(seen(at)) / weighed(at),
-            parameters=tuple(parameters),
+            parameters=tuple(map(parameter, own)),
             states=tuple(
                 replace(q, name=f"{q.name}_{number + 1}") if several else q
                 for number, site in enumerate(sites)
@@ -519,7 +535,7 @@ class Law:
             ),
             rates=(lambda view: each(rates, view)) if rates else None,
             start=(lambda view: each(start, view)) if start else None,
-            about=About(**told | {"subject": self._subject(sites)}),
+            about=About(**told),
             dry=self.dry,
         )
 

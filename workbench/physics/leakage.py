@@ -90,7 +90,7 @@ opening_leakage = replace(
     parameters=lambda at: (
         _conductance(at),
         shape("threshold", "Pa", _pressures(at)[1], "gauge pressure at which the leak opens",
-              around=None, between=(0.0, 1e8), scale=0.1 * at.other("pressure").scale),
+              between=(0.0, 1e8), scale=0.1 * at.other("pressure").scale),
         shape("width", "Pa", 0.1 * at.other("pressure").scale,
               "how much more opens it fully", refined=True),
     ),

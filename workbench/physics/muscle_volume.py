@@ -160,10 +160,6 @@ braid_volume = Law(
 )
 
 
-def _ends(at: PortView) -> Expression:
-    return at.value + at.p.share * _BRAID.end_flattening(at.signals.fibre_length, form=at.form)
-
-
 # V = V - share (2 pi / 3) h^3, with h the height of a flattened end.
 flattened_ends = replace(
     braid_volume,
@@ -171,7 +167,9 @@ flattened_ends = replace(
     equation="V + dV_ends(s)",
     where=_muscles,
     parameters=lambda at: (size("share", "1", 1.0, 2.0, "share of the flattening"),),
-    transform=_ends,
+    transform=lambda at: (
+        at.value + at.p.share * _BRAID.end_flattening(at.signals.fibre_length, form=at.form)
+    ),
     source="lines [8] to [10] of the paper's Figure 3",
     look_alikes=("braid_volume",),
     separated_by="fast swings with the valve shut near full contraction",

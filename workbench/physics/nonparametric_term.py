@@ -167,42 +167,21 @@ def nonparametric_term(
             result[f"memory_{i + 1}"] = (v - maximum(v, -v) * z) / view.p.distance
         return result
 
+    def ordinate(short: str, text: str) -> Parameter:
+        return Parameter(short, own_unit, typical, text, 0.0, -upper, upper, fitted=True)
+
     parameters = [
-        Parameter(
-            short,
-            own_unit,
-            typical,
-            f"ordinate at {curve.argument.replace('_', ' ')} {knot:.4g} {curve.unit}",
-            0.0,
-            -upper,
-            upper,
-            fitted=True,
-        )
+        ordinate(short, f"ordinate at {curve.argument.replace('_', ' ')} {knot:.4g} {curve.unit}")
         for curve in curves
         for short, knot in zip(curve.names, curve.knots, strict=True)
     ]
     if loop is not None:
+        _, way, usual = loop
+        text = "distance over which the loop is closed"
+        ends = 0.1 * usual, 10.0 * usual
         parameters += [
-            Parameter(
-                "loop",
-                own_unit,
-                typical,
-                "half height of the loop",
-                0.0,
-                -upper,
-                upper,
-                fitted=True,
-            ),
-            Parameter(
-                "distance",
-                loop[1],
-                loop[2],
-                "distance over which the loop is closed",
-                loop[2],
-                0.1 * loop[2],
-                10.0 * loop[2],
-                fitted=True,
-            ),
+            ordinate("loop", "half height of the loop"),
+            Parameter("distance", way, usual, text, usual, *ends, fitted=True),
         ]
     sums = " + ".join(f"f({a})" for a in (*arguments, *(["history"] if loop else [])))
     return Effect(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 import casadi as ca
@@ -27,22 +27,15 @@ from workbench.physics.law import (
     sensors,
     shape,
     size,
+    size_at,
     together,
 )
 from workbench.physics.place import EFFORTS, FLOWS, Place
 from workbench.physics.survey import Survey
 
 
-def _amount(typical: float, largest: float) -> Callable[[Place], tuple[Own, ...]]:
-    """Return the constant, with sizes relative to the port's scale."""
-
-    def parameters(at: Place) -> tuple[Own, ...]:
-        s = at.scale
-        own = size("amount", at.unit, typical * s, largest * s, "the constant",
-                   signed=True)  # fmt: skip
-        return (own,)
-
-    return parameters
+def _amount(at: Place, typical: float, largest: float) -> tuple[Own, ...]:
+    return (size_at(at, "amount", typical, largest, "the constant", signed=True),)
 
 
 def sensor_error(at: Place) -> float:
@@ -54,7 +47,7 @@ offset = Law(
     "offset",
     "y = u + amount",
     drives("flow"),
-    _amount(0.05, 1.0),
+    lambda at: _amount(at, 0.05, 1.0),
     lambda at: at.value + at.p.amount,
     usual=True,
     source="zero error",
@@ -66,7 +59,7 @@ valve_offset = replace(
     offset,
     name="valve_offset",
     where=each("valve_command"),
-    parameters=_amount(0.1, 1.0),
+    parameters=lambda at: _amount(at, 0.1, 1.0),
     look_alikes=("asymmetric_gain", "constant_torque", "edge_gain", "edge_leakage"),
     separated_by="small steps to both sides of the centre against large ones",
 )
@@ -75,7 +68,7 @@ constant_force = replace(
     offset,
     name="constant_force",
     where=each(*EFFORTS, only=lambda at: "speed" in at.signals and at.unit != "N m"),
-    parameters=_amount(0.05, 0.5),
+    parameters=lambda at: _amount(at, 0.05, 0.5),
     look_alikes=("linear_spring", "ripple"),
     separated_by="hold several positions at two levels of the drive and with two loads",
 )
@@ -84,7 +77,7 @@ constant_torque = replace(
     offset,
     name="constant_torque",
     where=each(*EFFORTS, only=lambda at: "speed" in at.signals and at.unit == "N m"),
-    parameters=_amount(0.05, 0.5),
+    parameters=lambda at: _amount(at, 0.05, 0.5),
     look_alikes=("tilt_gravity", "force_gain", "linear_spring", "valve_offset"),
     separated_by="hold several positions at two levels of the drive and with two loads",
 )
@@ -93,16 +86,15 @@ sensor_offset = replace(
     offset,
     name="sensor_offset",
     where=sensors(),
-    parameters=lambda at: _amount(sensor_error(at), 5 * sensor_error(at))(at),
+    parameters=lambda at: _amount(at, sensor_error(at), 5 * sensor_error(at)),
     group="sensor",
     look_alikes=("sensor_gain", "sensor_drift", "constant_torque", "force_gain"),
     separated_by="compare with a reference at rest, at two levels",
 )
 
 
-def _excess(typical: float) -> Callable[[Place], tuple[Own, ...]]:
-    own = size("excess", "1", typical, 0.5, "factor less one", signed=True)
-    return lambda at: (own,)
+def _excess(typical: float) -> tuple[Own, ...]:
+    return (size("excess", "1", typical, 0.5, "factor less one", signed=True),)
 
 
 gain = at_inputs_too(
@@ -110,7 +102,7 @@ gain = at_inputs_too(
         "gain",
         "y = (1 + excess) u",
         drives("flow"),
-        _excess(0.05),
+        lambda at: _excess(0.05),
         lambda at: at.value * (1.0 + at.p.excess),
         usual=True,
         source="span error",
@@ -142,8 +134,7 @@ unused_input = Law(
     _beside_unused,
     lambda at: (
         gain_of(at, at.other("cause"), 0.05, "signal over the input"),
-        shape("exponent", "1", 1.0, "power of the input", around=None, between=(0.3, 4.0),
-              refined=True),
+        shape("exponent", "1", 1.0, "power of the input", between=(0.3, 4.0), refined=True),
         known("usual", at.other("cause").unit, at.other("cause").largest, "largest input seen"),
     ),
     _entered,
@@ -151,7 +142,7 @@ unused_input = Law(
     source="first term of a Taylor series; pressure of a wind",
     look_alikes=("exchange_with_input", "offset"),
     separated_by="that input changes, and nothing else",
-)  # fmt: skip
+)
 
 
 def _turned_to(survey: Survey) -> Iterator[Fit]:
@@ -182,8 +173,8 @@ def _turned(name: str, turns: int, source: str) -> Law:
         where=_turned_to,
         parameters=lambda at: (
             *unused_input.parameters(at),
-            shape("facing", "rad", 0.0, "angle at which it vanishes", around=None,
-                  between=(-math.pi, math.pi), scale=0.3),
+            shape("facing", "rad", 0.0, "angle at which it vanishes", between=(-math.pi, math.pi),
+                  scale=0.3),
         ),
         transform=transform,
         shapes=shapes,
@@ -247,7 +238,7 @@ sensor_gain = replace(
     gain,
     name="sensor_gain",
     where=sensors(),
-    parameters=_excess(0.02),
+    parameters=lambda at: _excess(0.02),
     group="sensor",
     look_alikes=("sensor_offset", "force_gain"),
 )
@@ -265,7 +256,7 @@ edge_gain = replace(
     gain,
     name="edge_gain",
     where=each("edge", label=by_end),
-    parameters=_excess(0.1),
+    parameters=lambda at: _excess(0.1),
     usual=False,
     look_alikes=("asymmetric_gain", "valve_offset", "silencer"),
     separated_by="fill and vent each chamber alone over the same pressures",
@@ -290,7 +281,7 @@ asymmetric_gain = Law(
               source="", fitted=False),
         # Where what follows is no line, a gain of both sides is not made up for by another one.
         shape("share", "1", 0.5, "part of the difference that is above the centre",
-              around=None, between=(0.0, 1.0), source="", refined=True),
+              between=(0.0, 1.0), source="", refined=True),
     ),
     lambda at: at.value
     + at.p.difference
@@ -311,19 +302,16 @@ def _reach(at: Place) -> tuple[float, float, float]:
     return low, high, (high - low) or 1.0
 
 
-def _bend(typical: Callable[[Place], float]) -> Callable[[Place], tuple[Own, ...]]:
-    def parameters(at: Place) -> tuple[Own, ...]:
-        low, high, reach = _reach(at)
-        usual = 2.0 * typical(at) * reach
-        return (
-            size("amount", at.unit, usual, 20.0 * usual, "deviation at one reach from the place",
-                 signed=True),
-            shape("straight", at.unit, 0.5 * (low + high), "where the curve has no error",
-                  around=None, between=(low - 10.0 * reach, high + 10.0 * reach), scale=reach),
-            known("reach", at.unit, reach, "length of the range seen"),
-        )  # fmt: skip
-
-    return parameters
+def _bend(at: Place, typical: float) -> tuple[Own, ...]:
+    low, high, reach = _reach(at)
+    usual = 2.0 * typical * reach
+    return (
+        size("amount", at.unit, usual, 20.0 * usual, "deviation at one reach from the place",
+             signed=True),
+        shape("straight", at.unit, 0.5 * (low + high), "where the curve has no error",
+              between=(low - 10.0 * reach, high + 10.0 * reach), scale=reach),
+        known("reach", at.unit, reach, "length of the range seen"),
+    )  # fmt: skip
 
 
 def _bent(at: PortView) -> Expression:
@@ -335,7 +323,7 @@ bend = Law(
     "bend",
     "y = u + amount ((u - straight) / reach)^2",
     drives("flow", only=lambda at: at.commanded),
-    _bend(lambda at: 0.05),
+    lambda at: _bend(at, 0.05),
     _bent,
     shapes=lambda at: [{"straight": at_} for at_ in (0.5 * sum(_reach(at)[:2]), *_reach(at)[:2])],
     source="characteristic of a valve, pump or amplifier, to second order",
@@ -347,7 +335,7 @@ sensor_bend = replace(
     bend,
     name="sensor_bend",
     where=sensors(),
-    parameters=_bend(sensor_error),
+    parameters=lambda at: _bend(at, sensor_error(at)),
     group="sensor",
     source="characteristic of a sensor, to second order",
     look_alikes=("sensor_gain", "sensor_clipping"),

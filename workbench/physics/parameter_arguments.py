@@ -49,8 +49,8 @@ def joint_dampings(survey: Survey) -> tuple[tuple[Parameter, tuple[Place, ...], 
         if len(over) == 1 and speed in survey.ports.integral and speed not in commanded:
             found.append((q, places, survey.ports.of(speed)))
         elif same_dimension(q.unit, *_DAMPINGS):
-            made, together = driving(survey, q, places), _multiplied(survey, q, values)
-            if made and made.unit in SPEEDS and not _is_difference(ca.SX(together)):
+            made = driving(survey, q, places)
+            if made and made.unit in SPEEDS and not _is_difference(survey, q, places):
                 found.append((q, places, made))
     return tuple(found)
 
@@ -99,7 +99,7 @@ def may_bend_over(survey: Survey, q: Parameter, places: Sequence[Place]) -> tupl
             found.append(slip)
     # As a slip is; of how far two states are apart other laws are curves.
     over = driving(survey, q, places)
-    if over and not _is_difference(ca.SX(_multiplied(survey, q, values))):
+    if over and not _is_difference(survey, q, places):
         found.append(over)
     driven = [
         t.rates[i] for at in places for i in survey.ports.rates_of(survey.ports.port_index[at.name])
@@ -201,34 +201,32 @@ def argument(survey: Survey, q: Parameter, places: Sequence[Place]) -> Local | N
 
     What it divides, as an inertia does, is all that acts there.
     """
-    values, own = [survey.ports.value_at(at) for at in places], survey.ports.symbol_of(q)
-    first = _multiplied(survey, q, values)
-    if first is None or any(ca.depends_on(ca.jacobian(v, own), own) for v in values):
-        return None
-    return _argument(survey, q, _argument_unit(survey, q, first, values[0], places[0]))
+    own = survey.ports.symbol_of(q)
+    slopes = (ca.jacobian(survey.ports.value_at(at), own) for at in places)
+    return None if any(ca.depends_on(s, own) for s in slopes) else _made(survey, q, places)
 
 
 def driving(survey: Survey, q: Parameter, places: Sequence[Place]) -> Local | None:
     """Return what a parameter multiplies or divides at some ports, made of several signals."""
     seen = survey.ports.ranges.get(argument_of(q.name))
-    values = [survey.ports.value_at(at) for at in places]
-    first = _multiplied(survey, q, values)
-    if seen is None or seen[0] == seen[1] or first is None:
-        return None
-    return _argument(survey, q, _argument_unit(survey, q, first, values[0], places[0]))
+    return None if seen is None or seen[0] == seen[1] else _made(survey, q, places)
 
 
-def _argument_unit(survey: Survey, q: Parameter, first: ca.SX, value: ca.SX, at: Place) -> str:
-    """Return the unit of what a parameter multiplies in the value of a port.
+def _made(survey: Survey, q: Parameter, places: Sequence[Place]) -> Local | None:
+    """Return what several signals make of what a parameter multiplies at some ports.
 
     What adds up has one unit, that of a bare signal in it; what is all of the port with the
     parameter has the port's over its own.
     """
+    first = _multiplied(survey, q, places)
+    if first is None:
+        return None
     units = {survey.ports.known[n].unit for n in _added(first) if n in survey.ports.known}
     if len(units) == 1 and units != {"1"}:
-        return units.pop()
+        return _argument(survey, q, units.pop())
+    value = survey.ports.value_at(places[0])
     alone = ca.is_equal(value, first * survey.ports.symbol_of(q), 8)
-    return per(at.unit, q.unit) if alone else "1"
+    return _argument(survey, q, per(places[0].unit, q.unit) if alone else "1")
 
 
 def _argument(survey: Survey, q: Parameter, unit: str) -> Local:
@@ -237,10 +235,10 @@ def _argument(survey: Survey, q: Parameter, unit: str) -> Local:
     return Local("argument", unit, largest(seen) or 1.0, seen=seen, multiplied=True)
 
 
-def _multiplied(survey: Survey, q: Parameter, values: Sequence[ca.SX]) -> ca.SX | None:
-    """Return what a parameter multiplies in all values; None unless several signals make it."""
+def _multiplied(survey: Survey, q: Parameter, places: Sequence[Place]) -> ca.SX | None:
+    """Return what a parameter multiplies at all ports; None unless several signals make it."""
     t, own = survey.trace, survey.ports.symbol_of(q)
-    found = [cofactor(value, own) for value in values]
+    found = [cofactor(survey.ports.value_at(at), own) for at in places]
     # What weighs a body is also in what an exchange with another one does to it.
     given = [i for name, i in survey.ports.port_index.items() if name.endswith(".exchange")]
     weighs = any(ca.depends_on(t.rates_by_port[:, i], own) for i in given)
@@ -266,6 +264,6 @@ def _added(expression: ca.SX) -> list[str]:
     return [name for part in _parts(expression) for name in _added(part)]
 
 
-def _is_difference(expression: ca.SX) -> bool:
-    """Tell whether an expression is made of two bare signals."""
-    return all(part.is_symbolic() for part in _parts(expression))
+def _is_difference(survey: Survey, q: Parameter, places: Sequence[Place]) -> bool:
+    """Tell whether what a parameter multiplies at some ports is made of two bare signals."""
+    return all(part.is_symbolic() for part in _parts(ca.SX(_multiplied(survey, q, places))))

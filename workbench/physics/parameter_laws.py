@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import casadi as ca
@@ -17,6 +17,7 @@ from workbench.physics.law import (
     Law,
     Own,
     Site,
+    flag,
     known,
     reference,
     shape,
@@ -60,7 +61,7 @@ def _each_parameter_over(survey: Survey) -> Iterator[Fit]:
 
 def _range(at: Place) -> tuple[Own, Own]:
     """Return middle and half of the range of what a parameter changes with."""
-    over = at.other("over")
+    over = at.over
     low, high = over.seen or (over.start - over.scale, over.start + over.scale)
     return (
         shape("middle", over.unit, 0.5 * (low + high), "middle of the range seen",
@@ -71,27 +72,23 @@ def _range(at: Place) -> tuple[Own, Own]:
 
 def _shift(at: Place) -> Own:
     """Return by how much a parameter that no refit changes is off in the middle of its curve."""
-    q = at.parameters[0] if at.parameters else None
-    unit, scale = (q.unit, q.scale) if q else ("1", 1.0)
-    return shape("shift", unit, 0.0, "change in the middle of a parameter that is not refitted",
-                 around=None, between=(-10.0 * scale, 10.0 * scale), scale=0.3 * scale, source="",
-                 fitted=q is not None and not q.fitted)  # fmt: skip
+    q = at.changed
+    return shape("shift", q.unit, 0.0, "change in the middle of a parameter that is not refitted",
+                 between=(-10.0 * q.scale, 10.0 * q.scale), scale=0.3 * q.scale, source="",
+                 fitted=bool(at.parameters) and not q.fitted)  # fmt: skip
 
 
 def _never_negative(at: Place) -> float:
     """Return 1 for a parameter that is never negative, 0 for another."""
-    return 1.0 if at.parameters and at.parameters[0].lower >= 0.0 else 0.0
+    return 1.0 if at.changed.lower >= 0.0 else 0.0
 
 
 def _added_up(at: Place) -> tuple[Own, Own]:
     """Return whether a parameter falls towards zero only, and whether it does so by a sum."""
-    text = "1 for a parameter that falls towards zero only"
     return (
-        shape("one_sided", "1", _never_negative(at), text, around=None, between=(0.0, 1.0),
-              source="", fitted=False),
-        shape("added", "1", 0.0, "1 where it does so by a sum, 0 by factors", around=None,
-              between=(0.0, 1.0), source="", fitted=False),
-    )  # fmt: skip
+        flag("one_sided", _never_negative(at), "1 for a parameter that falls towards zero only"),
+        flag("added", 0.0, "1 where it does so by a sum, 0 by factors"),
+    )
 
 
 _STEEP = 20.0
@@ -105,7 +102,7 @@ def _curves(at: Place) -> tuple[dict[str, float], ...]:
     """
     straight, parabola = {"bend": 0.0, "added": 0.0}, {"bend": 0.5 * math.pi}
     curves = (straight, parabola, *[{"added": 1.0}] * int(_never_negative(at)))
-    low, high = at.other("over").seen or (0.0, 0.0)
+    low, high = at.over.seen or (0.0, 0.0)
     if not low < 0.0 < high:
         return curves
     return (*curves, {"place": -(low + high) / (high - low), "steepness": _STEEP})
@@ -116,8 +113,11 @@ _MOST_GROWN, _LEAST_LEFT = 10.0, 1e-3
 what of it there is left at least where it falls by a sum; dimensionless."""
 
 
-def _bent(at: PortView) -> Expression:
-    return with_subject(at, _curve(at.p, ca.SX(at.subject), at.signals.over))
+def _along(
+    curve: Callable[[Names, Expression, Expression], Expression],
+) -> Callable[[PortView], Expression]:
+    """Let a parameter be a curve over the signal that it changes with."""
+    return lambda at: with_subject(at, curve(at.p, ca.SX(at.subject), at.signals.over))
 
 
 def _curve(p: Names, own: Expression, over: Expression) -> Expression:
@@ -166,7 +166,7 @@ turbulent_flow = Law(
     _resisting,
     lambda at: (
         size("part", "1", 0.3, 100.0, "turbulent part of the resistance, over the laminar one"),
-        reference("largest", "1", at.other("over").largest, "largest drive seen"),
+        reference("largest", "1", at.over.largest, "largest drive seen"),
     ),
     _hindered,
     of_parameter=True,
@@ -185,8 +185,8 @@ def _polarised(survey: Survey) -> Iterator[Fit]:
 
 
 def _activation(at: Place) -> tuple[Own, ...]:
-    most = at.other("over").largest
-    volts = most * (at.parameters[0].scale if at.parameters else 1.0)
+    most = at.over.largest
+    volts = most * at.changed.scale
     return (
         size("slope", "V", 0.1 * volts, 100.0 * volts, "voltage for e times the current"),
         shape("exchange_current", "A", 0.02 * most, "current of the electrode in both directions"
@@ -226,16 +226,16 @@ parameter_curve = Law(
     lambda at: (
         parameter_amount(at),
         shape("bend", "rad", 0.0, "from a straight line, 0, to a parabola, pi/2",
-              around=None, between=(-math.pi, math.pi), scale=1.0),
+              between=(-math.pi, math.pi), scale=1.0),
         shape("place", "1", 0.0, "where it is steepest, over half of the range seen",
-              around=None, between=(-1.5, 1.5), scale=0.3, refined=True),
+              between=(-1.5, 1.5), scale=0.3, refined=True),
         shape("steepness", "1", 0.0, "how much it is a step there, from a straight line, 0",
-              around=None, between=(0.0, 30.0), scale=1.0, refined=True),
+              between=(0.0, 30.0), scale=1.0, refined=True),
         _shift(at),
         *_added_up(at),
         *_range(at),
     ),
-    _bent,
+    _along(_curve),
     shapes=_curves,
     # A straight line is as steep everywhere.
     details={"steepness": 4.0},
@@ -250,8 +250,8 @@ def _raised(survey: Survey) -> Iterator[Fit]:
     """Yield parameters that are never negative, each with a signal that is not either."""
     for suffix, sites in _each_parameter_over(survey):
         at = sites[0][0]
-        low, high = at.other("over").seen or (0.0, 0.0)
-        if at.parameters[0].fitted and _never_negative(at) and 0.0 <= low < 0.7 * high:
+        low, high = at.over.seen or (0.0, 0.0)
+        if at.changed.fitted and _never_negative(at) and 0.0 <= low < 0.7 * high:
             yield suffix, sites
 
 
@@ -270,7 +270,7 @@ parameter_power = replace(
         size("exponent", "1", 0.5, 5.0, "exponent of the signal", signed=True),
         *_range(at),
     ),
-    transform=lambda at: with_subject(at, _power(at.p, ca.SX(at.subject), at.signals.over)),
+    transform=_along(_power),
     shapes=lambda at: ({},),
     details={},
     source="F. Dittus and L. Boelter 1930: films of heat, by flow^0.8; similarity laws",
@@ -292,10 +292,10 @@ parameter_hill = replace(
     equation="parameter / (1 + part (middle / signal)^exponent)",
     parameters=lambda at: (
         size("part", "1", 0.3, 100.0, "what stands in its way in the middle, over the parameter"),
-        shape("exponent", "1", 1.0, "exponent of the signal", around=None, between=(-6.0, 6.0)),
+        shape("exponent", "1", 1.0, "exponent of the signal", between=(-6.0, 6.0)),
         *_range(at),
     ),
-    transform=lambda at: with_subject(at, _halved(at.p, ca.SX(at.subject), at.signals.over)),
+    transform=_along(_halved),
     shapes=lambda at: [{"exponent": k} for k in (1.0, 2.0, -1.0, -2.0)],
     source="A. V. Hill 1910; J. Monod 1949; H. E. Merritt 1967, 2.3: air in oil; resistances in a"
     " row",
@@ -316,10 +316,6 @@ def _terms(survey: Survey) -> Iterator[Fit]:
             yield f"_{q.name}", _changing(q, places, over)
 
 
-def _drive(at: Place) -> Local:
-    return at.other("over")
-
-
 def _clipped(at: PortView) -> Expression:
     over, knee = ca.fabs(at.signals.over) / at.p.limit + 1e-12, at.p.knee
     left = (1.0 + over ** (1.0 / knee)) ** -knee
@@ -338,14 +334,14 @@ term_saturation = Law(
     _terms,
     lambda at: (
         share("share of the excess that is cut"),
-        shape("limit", _drive(at).unit, 0.5 * _drive(at).scale, "the limit of what it multiplies",
+        shape("limit", at.over.unit, 0.5 * at.over.scale, "the limit of what it multiplies",
               around=(0.01, 20.0)),
         shape("knee", "1", _HARD, "how gently it sets in: a clip, 0, to a hyperbola, 1",
-              around=None, between=(_HARD, 1.5), scale=0.2, refined=True),
+              between=(_HARD, 1.5), scale=0.2, refined=True),
     ),
     _clipped,
     shapes=lambda at: [
-        {"limit": k * _drive(at).scale, "knee": knee}
+        {"limit": k * at.over.scale, "knee": knee}
         for k, knee in ((0.5, _HARD), (0.8, _HARD), (0.25, _HARD), (0.1, _HARD), (0.5, 0.5))
     ],
     of_parameter=True,
@@ -364,7 +360,7 @@ def _slack(at: PortView) -> Expression:
 
 def _loads(at: Place) -> list[float]:
     """Return what a contact may hold until it lifts: nothing, or a part of what was seen."""
-    return [part * _drive(at).largest for part in (0.0, 0.1, 0.3, 0.6)]
+    return [part * at.over.largest for part in (0.0, 0.1, 0.3, 0.6)]
 
 
 # What pushes does not pull: tyres and cams lift, ropes and chains go slack, with a load on them a
@@ -375,11 +371,10 @@ term_slack = Law(
     _terms,
     lambda at: (
         share("share of what is lost"),
-        shape("holds", _drive(at).unit, 0.1 * _drive(at).scale, "how far the other way it holds",
-              around=None, between=(0.0, 20.0 * _drive(at).scale), scale=_drive(at).scale),
-        shape("sense", "1", 1.0, "1 if it goes on above zero, -1 below", around=None,
-              between=(-1.0, 1.0), source="", fitted=False),
-        known("usual", _drive(at).unit, _drive(at).largest, "largest seen"),
+        shape("holds", at.over.unit, 0.1 * at.over.scale, "how far the other way it holds",
+              between=(0.0, 20.0 * at.over.scale), scale=at.over.scale),
+        flag("sense", 1.0, "1 if it goes on above zero, -1 below", lower=-1.0),
+        known("usual", at.over.unit, at.over.largest, "largest seen"),
     ),
     _slack,
     shapes=lambda at: [{"holds": k, "sense": s} for s in (1.0, -1.0) for k in _loads(at)],

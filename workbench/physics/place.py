@@ -233,6 +233,16 @@ class Place:
         return self.recorded.sample_time or self.horizon / 500.0
 
     @property
+    def changed(self) -> Parameter:
+        """The parameter that changes, of a law of one; a plain number where it is not known."""
+        return self.parameters[0] if self.parameters else Parameter("parameter", "1")
+
+    @property
+    def over(self) -> Local:
+        """What that parameter changes with, or what heats."""
+        return self.other("over")
+
+    @property
     def lasting(self) -> float:
         """Length of the recordings, in s; long for the model where it is not known."""
         return self.recorded.duration or 20.0 * self.horizon

@@ -12,18 +12,19 @@ from workbench.model.units import SPEEDS, same_dimension
 from workbench.physics.hysteresis import stretch_rate, stretched
 from workbench.physics.law import (
     Law,
-    Own,
     by_port,
     each,
+    flag,
     floor,
     known,
     sensors,
     shape,
     size,
+    size_at,
     together,
 )
 from workbench.physics.offset_gain import sensor_error
-from workbench.physics.place import COORDINATES, EFFORTS, Place
+from workbench.physics.place import COORDINATES, EFFORTS
 from workbench.physics.saturation import cut_off, passing, share_of_sign
 
 play = Law(
@@ -31,7 +32,7 @@ play = Law(
     "y = u - w clip(z, -1, 1), z the stretch of a spring behind a dry contact that slips at w",
     each("spool", needs=("speed",)),
     lambda at: (
-        size("half_width", at.unit, 0.03 * at.scale, 0.5 * at.scale, "half of the slack"),
+        size_at(at, "half_width", 0.03, 0.5, "half of the slack"),
         shape("floor", at.unit, 0.005 * at.scale, "motion added to the reach", fitted=False),
     ),
     lambda at: at.value - at.p.half_width * stretched(at.x.slack, at.form),
@@ -46,14 +47,14 @@ play = Law(
     source="Krasnosel'skii and Pokrovskii 1989, play operator",
     look_alikes=("command_play", "spool_hysteresis", "dead_band"),
     separated_by="slow triangles of several amplitudes about the centre",
-)  # fmt: skip
+)
 
 spool_hysteresis = replace(
     play,
     name="spool_hysteresis",
     equation="y = u - w clip(z, -1, 1), z the stretch of a spring behind a dry contact",
     parameters=lambda at: (
-        size("half_width", at.unit, 0.02 * at.scale, 0.5 * at.scale, "half of the loop"),
+        size_at(at, "half_width", 0.02, 0.5, "half of the loop"),
         shape("reach", at.unit, 0.05 * at.scale, "motion over which the loop turns",
               around=(0.1, 20.0)),
     ),
@@ -70,16 +71,19 @@ def _magnitude(value: Expression) -> Expression:
     return maximum(value, -value)
 
 
-def _kept_back(at: PortView) -> Expression:
-    e, w = at.value - at.x.follower, at.p.half_width
-    # The clipped value, written so that its derivative by w at w = 0 is the sign of e.
-    return at.value - 0.5 * (_magnitude(e + w) - _magnitude(e - w))
+def _clipped(e: Expression, w: Expression) -> Expression:
+    """Return clip(e, -w, w), written so that its derivative by w at w = 0 is the sign of e."""
+    return 0.5 * (_magnitude(e + w) - _magnitude(e - w))
+
+
+def _beyond(e: Expression, w: Expression) -> Expression:
+    return maximum(e - w, 0.0) - maximum(-e - w, 0.0)
 
 
 def _follow(view: EffectView) -> dict[str, Expression]:
     w, floor = view.p.half_width, view.p.floor
     e, w = view.here.value - view.x.follower, w + floor * floor / (floor + w)
-    return {"follower": (maximum(e - w, 0.0) - maximum(-e - w, 0.0)) / view.p.time}
+    return {"follower": _beyond(e, w) / view.p.time}
 
 
 _SLACK = 0.03
@@ -90,11 +94,11 @@ command_play = Law(
     "y = u - clip(u - s, -w, w), s within w of u",
     each("valve_command"),
     lambda at: (
-        size("half_width", at.unit, _SLACK * at.scale, 0.5 * at.scale, "half of the slack"),
+        size_at(at, "half_width", _SLACK, 0.5, "half of the slack"),
         shape("floor", at.unit, 0.001 * at.scale, "slack added to the follower's", fitted=False),
         known("time", "s", 0.4 * at.interval, "time in which the follower comes near"),
     ),
-    _kept_back,
+    lambda at: at.value - _clipped(at.value - at.x.follower, at.p.half_width),
     # A wider guess leaves the slack, beyond which a filter does not learn where it is.
     states=lambda at: (
         State("follower", at.unit, at.scale, "position of the follower",
@@ -189,7 +193,7 @@ def _held_back(at: PortView) -> Expression:
     kept, whole = 0.0, 0.0
     for i, w in enumerate(_widths(at.p)):
         e, height = at.value - at.x[f"follower_{i + 1}"], at.p.spread ** (i * at.p.growth)
-        kept += height * 0.5 * (_magnitude(e + w) - _magnitude(e - w)) / w
+        kept += height * _clipped(e, w) / w
         whole += height
     return at.p.level * kept / whole
 
@@ -198,7 +202,7 @@ def _follow_all(view: EffectView) -> dict[str, Expression]:
     rates = {}
     for i, w in enumerate(_widths(view.p)):
         e = view.here.value - view.x[f"follower_{i + 1}"]
-        rates[f"follower_{i + 1}"] = (maximum(e - w, 0.0) - maximum(-e - w, 0.0)) / view.p.time
+        rates[f"follower_{i + 1}"] = _beyond(e, w) / view.p.time
     return rates
 
 
@@ -209,14 +213,13 @@ command_hysteresis = replace(
     equation="y = u - level sum(h_i clip(u - s_i, -w_i, w_i) / w_i) / sum(h_i), s_i within w_i"
     " of u, w_i = reach spread^(i-1), h_i = w_i^growth",
     parameters=lambda at: (
-        size("level", at.unit, 0.05 * at.scale, 0.5 * at.scale, "half width of the loop",
-             signed=True),
+        size_at(at, "level", 0.05, 0.5, "half width of the loop", signed=True),
         shape("reach", at.unit, 0.05 * at.scale, "half width of the first operator",
               around=(0.02, 20.0)),
         shape("spread", "1", 2.0, "ratio of the widths of neighbouring operators",
-              around=None, between=(1.2, 6.0), scale=1.0),
+              between=(1.2, 6.0), scale=1.0),
         shape("growth", "1", 0.5, "how fast the height of an operator grows with its width",
-              around=None, between=(-2.0, 4.0), scale=1.0),
+              between=(-2.0, 4.0), scale=1.0),
         *command_play.parameters(at)[-1:],
     ),
     transform=lambda at: at.value - _held_back(at),
@@ -239,7 +242,7 @@ sensor_play = replace(
     name="sensor_play",
     where=sensors(together=False, only=lambda at: at.unit in COORDINATES.values()),
     parameters=lambda at: (
-        size("half_width", at.unit, sensor_error(at) * at.scale, at.scale, "half of the slack"),
+        size_at(at, "half_width", sensor_error(at), 1.0, "half of the slack"),
         *command_play.parameters(at)[1:],
     ),
     group="sensor",
@@ -255,8 +258,7 @@ _ENDS = 0.05
 
 def _slack_taken(at: PortView) -> Expression:
     x, w = ca.SX(at.signals.coordinate), at.p.half_width
-    # The clipped place, written so that its derivative by w at w = 0 is the sign of x.
-    inside = 0.5 * (_magnitude(x + w) - _magnitude(x - w))
+    inside = _clipped(x, w)
     free = ca.fmin(ca.fmax((w - _magnitude(x)) / (_ENDS * w + at.p.floor), 0.0), 1.0)
     # What two bodies pass on for the speed of one over the other.
     damping = at.signals.speed * _slope(at, at.signals.speed)
@@ -270,22 +272,17 @@ def _slope(at: PortView, local: Expression) -> Expression:
     return ca.jacobian(ca.SX(at.value), symbol) / ca.jacobian(x, symbol)
 
 
-def _parted(at: Place) -> Own:
-    """Return 1 where two bodies meet, which within the slack pass on nothing at all."""
-    return shape("parted", "1", 1.0 if at.speed.minus else 0.0,
-                 "1 where what damps lies behind the slack too", around=None, between=(0.0, 1.0),
-                 source="", fitted=False)  # fmt: skip
-
-
 elastic_play = Law(
     "elastic_play",
     "T = T(x - clip(x, -w, w)), without its damping where |x| < w",
     each(*EFFORTS, needs=("coordinate", "speed"), only=lambda at: at.elastic),
     lambda at: (
-        size("half_width", at.coordinate.unit, 0.05 * at.coordinate.scale,
-             5.0 * at.coordinate.scale, "half of the slack"),
+        size_at(at.coordinate, "half_width", 0.05, 5.0, "half of the slack"),
         known("floor", at.coordinate.unit, 1e-3 * at.coordinate.scale, "motion in which they meet"),
-        _parted(at),
+        # Within the slack, bodies that meet there pass on nothing at all.
+        flag(
+            "parted", 1.0 if at.speed.minus else 0.0, "1 where what damps lies behind the slack too"
+        ),
     ),
     _slack_taken,
     family="backlash",
@@ -293,7 +290,7 @@ elastic_play = Law(
     source="M. Nordin and P.-O. Gutman 2002: slack in series with spring and damper",
     look_alikes=("cubic_stiffness", "polynomial_stiffness", "linear_spring"),
     separated_by="small deflections to both sides: within the slack there is no force",
-)  # fmt: skip
+)
 
 
 def _let_go(e: EffectView) -> dict[str, Expression]:

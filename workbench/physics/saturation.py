@@ -37,11 +37,12 @@ def _beyond(at: PortView) -> Expression:
 
 
 def _limit(at: Place, usual: float) -> tuple[Own, ...]:
-    far, around = 20.0 * at.scale, (0.05, 20.0) if usual > 0.0 else None
+    far = 20.0 * at.scale
     return (
         share("share of the excess that is cut"),
-        shape("limit", at.unit, usual, "the limit", around=around,
-              between=(usual - far, usual + far), scale=at.scale, read=at.read),
+        shape("limit", at.unit, usual, "the limit", around=(0.05, 20.0),
+              between=None if usual > 0.0 else (usual - far, usual + far), scale=at.scale,
+              read=at.read),
     )  # fmt: skip
 
 
@@ -83,9 +84,13 @@ def _limit_within(at: Place) -> tuple[Own, ...]:
     (low, high), far = at.seen or (-math.inf, math.inf), 20.0 * at.scale
     return (
         share("share of the excess that is cut"),
-        shape("limit", at.unit, _lower_limits(at)[0]["limit"], "the limit", around=None,
+        shape("limit", at.unit, _lower_limits(at)[0]["limit"], "the limit",
               between=(low - far, high + far), scale=at.scale, read=at.read),
     )  # fmt: skip
+
+
+def _cut_above(at: PortView) -> Expression:
+    return at.value - at.p.share * at.form.ramp(at.value - at.p.limit, 0.01 * at.scale)
 
 
 lower_saturation = replace(
@@ -107,9 +112,7 @@ upper_saturation = replace(
     name="upper_saturation",
     equation="y = u - share (excess of u above the limit)",
     where=drives(only=lambda at: at.seen is not None and at.seen[0] < 0.0 < at.seen[1]),
-    transform=lambda at: (
-        at.value - at.p.share * at.form.ramp(at.value - at.p.limit, 0.01 * at.scale)
-    ),
+    transform=_cut_above,
     shapes=lambda at: [
         {"limit": sum(at.seen or ()) - shape["limit"]} for shape in _lower_limits(at)
     ],
@@ -146,9 +149,7 @@ sensor_clipping = replace(
     where=sensors(together=False),
     equation="y = u - share (excess of u above the limit)",
     parameters=lambda at: _limit(at, _ends(at)[0]),
-    transform=lambda at: (
-        at.value - at.p.share * at.form.ramp(at.value - at.p.limit, 0.01 * at.scale)
-    ),
+    transform=_cut_above,
     shapes=lambda at: [{"limit": limit} for limit in _ends(at)],
     group="sensor",
     evident=_stands_high,
@@ -197,7 +198,7 @@ rectification = Law(
     source="check valve, diode, pump that does not suck, one-way clutch",
     look_alikes=("saturation", "asymmetric_gain", "direction_dependent_viscous"),
     separated_by="commands of both signs",
-)  # fmt: skip
+)
 
 
 sensor_rectification = Law(
@@ -208,14 +209,13 @@ sensor_rectification = Law(
         only=lambda at: "measured" in at.signals and at.signals["measured"].lower < 0.0,
     ),
     lambda at: (size("share", "1", 1.0, 1.0, "share of the magnitude in the reading"),),
-    lambda at: at.value
-    + at.p.share * (at.form.absolute(at.value, 0.01 * at.scale) - at.value),
+    lambda at: at.value + at.p.share * (at.form.absolute(at.value, 0.01 * at.scale) - at.value),
     far=True,
     group="sensor",
     source="magnitude sensors: tachometers, flow meters, rectifiers",
     look_alikes=("sensor_gain", "sensor_clipping"),
     separated_by="the same motion to both sides of zero",
-)  # fmt: skip
+)
 
 
 def _shifted(at: PortView) -> Expression:

@@ -15,18 +15,20 @@ import casadi as ca
 from workbench.model import PortView
 from workbench.model.regularisation import Expression
 from workbench.model.units import per, same_dimension
-from workbench.physics.friction import transition
+from workbench.physics.friction import sliding, transition
 from workbench.physics.law import (
     Fit,
     Law,
     Own,
     by_port,
     each,
+    flag,
     known,
     reference,
     sensors,
     shape,
     size,
+    size_at,
     twins,
 )
 from workbench.physics.place import COORDINATES, RESISTED, Place
@@ -49,7 +51,7 @@ def _linear(at: Place) -> tuple[Own, ...]:
         size("stiffness", per(at.unit, at.coordinate.unit), typical, 20 * typical,
              "stiffness of the spring, negative where it pushes away", signed=True),
         shape("rest", at.coordinate.unit, 0.5 * (low + high), "position without force",
-              around=None, between=(low - reach, high + reach), scale=0.1 * reach),
+              between=(low - reach, high + reach), scale=0.1 * reach),
     )  # fmt: skip
 
 
@@ -98,12 +100,11 @@ polynomial_stiffness = Law(
     "T = -force (s^2 + cubic s^3 + fifth s^5), s = (x - rest) / reach",
     each(*RESISTED, needs=("coordinate",)),
     lambda at: (
-        size("force", at.unit, 0.1 * at.scale, 5.0 * at.scale,
-             "force of the square at the reach", signed=True),
-        shape("cubic", "1", 0.0, "cube over square at the reach", around=None,
-              between=(-100.0, 100.0), scale=1.0),
-        shape("fifth", "1", 0.0, "fifth power over square at the reach", around=None,
-              between=(-100.0, 100.0), scale=1.0),
+        size_at(at, "force", 0.1, 5.0, "force of the square at the reach", signed=True),
+        shape("cubic", "1", 0.0, "cube over square at the reach", between=(-100.0, 100.0),
+              scale=1.0),
+        shape("fifth", "1", 0.0, "fifth power over square at the reach", between=(-100.0, 100.0),
+              scale=1.0),
         _rest(at),
         reference("reach", at.coordinate.unit, at.coordinate.scale, "deflection of one"),
     ),
@@ -157,7 +158,7 @@ def _stop(at: Place, *places: Own) -> tuple[Own, ...]:
              "stiffness of the stop", resists=True),
         *places,
         shape("loss", per("1", at.speed.unit), 0.0, "force lost over speed, relative to it",
-              around=None, between=(0.0, 10.0 / at.speed.scale), scale=0.1 / at.speed.scale),
+              between=(0.0, 10.0 / at.speed.scale), scale=0.1 / at.speed.scale),
         known("touch", at.coordinate.unit, 1e-4 * (high - low or 1.0),
               "distance over which a contact begins in regularised equations"),
     )  # fmt: skip
@@ -173,7 +174,7 @@ def _place_of_stop(at: Place, name: str, side: float, text: str) -> Own:
     reach = high - low or 1.0
     # What touches wherever it was seen is a spring, and what never does is not there.
     beyond = 0.0 if at.coordinate.seen and high > low else reach
-    return shape(name, at.coordinate.unit, _touched(at, name, side)[name], text, around=None,
+    return shape(name, at.coordinate.unit, _touched(at, name, side)[name], text,
                  between=(low - beyond, high + beyond), scale=0.1 * reach,
                  strict=beyond == 0.0)  # fmt: skip
 
@@ -192,8 +193,7 @@ end_stop = Law(
     lambda at: _stop(
         at,
         _place_of_stop(at, "place", 1.0, "position at which it touches"),
-        shape("side", "1", 1.0, "1 for a stop above, -1 below", around=None, between=(-1.0, 1.0),
-              source="", fitted=False),
+        flag("side", 1.0, "1 for a stop above, -1 below", lower=-1.0),
     ),
     lambda at: at.value - _held_off(at, at.p.place, at.p.side),
     shapes=lambda at: [
@@ -206,7 +206,7 @@ end_stop = Law(
     source="K. H. Hunt and F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440",
     look_alikes=("end_stops", "polynomial_stiffness", "cubic_stiffness", "local_catch"),
     separated_by="slow motion to both ends of the travel",
-)  # fmt: skip
+)
 
 end_stops = replace(
     end_stop,
@@ -247,7 +247,7 @@ def _turns(at: Place) -> tuple[float, ...]:
     if at.stride > 0.0:
         return (2.0 * math.pi / at.stride,)
     if at.coordinate.unit == "rad":
-        return _orders(at.coordinate.seen or at.travel)
+        return _orders(_seen(at))
     scale = at.coordinate.scale
     span = 1.0 if at.coordinate.unit == "m" and _SCREWS[0] < scale < _SCREWS[1] else scale
     return tuple(2 * math.pi / (pitch * span) for pitch in _PITCHES)
@@ -273,8 +273,7 @@ def _waves(
         shape("frequency", per("1", unit), usual, "ripples per unit of position, times 2 pi",
               around=(lower / usual, upper / usual), scale=0.1 * usual,
               strict=bool(seen) and turning),
-        shape("phase", "1", 0.0, "phase at position zero", around=None, between=(-6.3, 6.3),
-              source=""),
+        shape("phase", "1", 0.0, "phase at position zero", between=(-6.3, 6.3), source=""),
     )  # fmt: skip
 
 
@@ -288,8 +287,7 @@ ripple = Law(
     "T = amplitude sin(frequency x + phase)",
     each(*RESISTED, needs=("coordinate",)),
     lambda at: (
-        size("amplitude", at.unit, 0.03 * at.scale, 0.5 * at.scale,
-             "amplitude of the ripple", signed=True),
+        size_at(at, "amplitude", 0.03, 0.5, "amplitude of the ripple", signed=True),
         *_waves(_turns(at), at.coordinate.unit, at.coordinate.seen),
     ),
     lambda at: at.value
@@ -333,10 +331,10 @@ unbalanced_mass = Law(
     "T = moment sin(x + phase)",
     each(*RESISTED, needs=("coordinate",), only=lambda at: at.coordinate.unit == "rad"),
     lambda at: (
-        size("moment", at.unit, 0.1 * at.scale, 5.0 * at.scale,
-             "torque of gravity on the mass when it is level with the axis", signed=True),
+        size_at(at, "moment", 0.1, 5.0,
+                "torque of gravity on the mass when it is level with the axis", signed=True),
         shape("phase", "rad", 0.0, "angle of the mass over its equilibrium at position zero",
-              around=None, between=(-6.3, 6.3), scale=1.0, source=""),
+              between=(-6.3, 6.3), scale=1.0, source=""),
     ),
     lambda at: at.value + at.p.moment * ca.sin(at.signals.coordinate + at.p.phase),
     shapes=lambda at: [{"phase": phase} for phase in (0.0, 0.5 * math.pi)],
@@ -358,10 +356,9 @@ def _width(at: Place) -> float:
 def _place(at: Place) -> tuple[Own, ...]:
     unit, width, reach = at.coordinate.unit, _width(at), max(abs(q) for q in at.travel)
     return (
-        shape("centre", unit, at.middle, "the place", around=None, between=(-reach, reach),
-              scale=width),
+        shape("centre", unit, at.middle, "the place", between=(-reach, reach), scale=width),
         shape("width", unit, width, "half width of the place"),
-    )  # fmt: skip
+    )
 
 
 def _centres(at: Place) -> list[dict[str, float]]:
@@ -373,7 +370,7 @@ local_catch = Law(
     "T = height exp(-((x - centre) / width)^2)",
     each(*RESISTED, needs=("coordinate",)),
     lambda at: (
-        size("height", at.unit, 0.06 * at.scale, 0.5 * at.scale, "height of the bump", signed=True),
+        size_at(at, "height", 0.06, 0.5, "height of the bump", signed=True),
         *_place(at),
     ),
     lambda at: at.value + at.p.height * _local(at),
@@ -381,7 +378,7 @@ local_catch = Law(
     source="local deformation or cable drag; Gaussian shape",
     look_alikes=("ripple", "local_friction", "cubic_stiffness"),
     separated_by="slow passes over the place in both directions: a bump keeps its sign",
-)  # fmt: skip
+)
 
 # A spring that is held in tension between two plates, such as that of a throttle at its limp-home
 # position, of a joystick, of a spool: it gives its whole force as soon as it leaves its place.
@@ -390,10 +387,9 @@ preload = Law(
     "T = -force tanh((x - place) / width)",
     each(*RESISTED, needs=("coordinate",)),
     lambda at: (
-        size("force", at.unit, 0.1 * at.scale, 5.0 * at.scale, "force beside its place",
-             resists=True),
-        shape("place", at.coordinate.unit, at.middle, "position that it holds", around=None,
-              between=at.travel, scale=_width(at)),
+        size_at(at, "force", 0.1, 5.0, "force beside its place", resists=True),
+        shape("place", at.coordinate.unit, at.middle, "position that it holds", between=at.travel,
+              scale=_width(at)),
         shape("width", at.coordinate.unit, 0.1 * _width(at), "distance over which it sets in",
               around=(0.01, 10.0), fitted=False),
     ),
@@ -422,7 +418,7 @@ def _driven(survey: Survey) -> Iterator[Fit]:
 
 def _surfaces(at: Place) -> list[dict[str, float]]:
     """Return surfaces below and above what was seen, each with the place seen nearest to it."""
-    low, high = at.coordinate.seen or at.travel
+    low, high = _seen(at)
     return [
         {"nearest": end, "surface": end + side * part * (high - low)}
         for part in (0.2, 0.6)
@@ -431,11 +427,10 @@ def _surfaces(at: Place) -> list[dict[str, float]]:
 
 
 def _surface(at: Place) -> tuple[Own, Own]:
-    low, high = at.coordinate.seen or at.travel
+    low, high = _seen(at)
     return (
-        shape("surface", at.coordinate.unit, _surfaces(at)[0]["surface"],
-              "place of the surface", around=None, scale=0.2 * (high - low),
-              between=(2.0 * low - high, 2.0 * high - low)),
+        shape("surface", at.coordinate.unit, _surfaces(at)[0]["surface"], "place of the surface",
+              scale=0.2 * (high - low), between=(2.0 * low - high, 2.0 * high - low)),
         shape("nearest", at.coordinate.unit, _surfaces(at)[0]["nearest"],
               "place seen nearest to it", around=None, source="", fitted=False),
     )  # fmt: skip
@@ -467,15 +462,14 @@ ground_effect = Law(
     source="I. Cheeseman and W. Bennett 1955",
     look_alikes=("local_catch", "parameter_curve", "end_stops", "linear_spring"),
     separated_by="holding several distances with different loads",
-)  # fmt: skip
+)
 
 surface_force = Law(
     "surface_force",
     "T = u + force ((nearest - surface) / (x - surface))^2",
     each("force", "acceleration", needs=("coordinate",), only=_before),
     lambda at: (
-        size("force", at.unit, 0.06 * at.scale, 0.5 * at.scale,
-             "force at the place seen nearest to it", signed=True),
+        size_at(at, "force", 0.06, 0.5, "force at the place seen nearest to it", signed=True),
         *_surface(at),
     ),
     lambda at: at.value + at.p.force * _near(at),
@@ -483,23 +477,21 @@ surface_force = Law(
     source="magnets, charged plates and fine tips attract with the square of one over a distance",
     look_alikes=("local_catch", "ground_effect", "polynomial_stiffness", "end_stops"),
     separated_by="holding several distances from it",
-)  # fmt: skip
+)
 
 local_friction = Law(
     "local_friction",
     "T = -level exp(-((x - centre) / width)^2) tanh(v / transition_speed)",
     each(*RESISTED, needs=("coordinate", "speed")),
     lambda at: (
-        size("level", at.unit, 0.06 * at.scale, 0.5 * at.scale,
-             "friction at the place", resists=True),
+        size_at(at, "level", 0.06, 0.5, "friction at the place", resists=True),
         *_place(at),
         transition(at),
     ),
-    lambda at: at.value
-    - at.p.level * _local(at) * ca.tanh(at.signals.speed / at.p.transition_speed),
+    lambda at: at.value - at.p.level * _local(at) * sliding(at),
     shapes=_centres,
     dry=True,
     source="dry friction of a local contact; Gaussian shape",
     look_alikes=("local_catch", "stribeck_friction", "coulomb_friction"),
     separated_by="slow passes over the place in both directions: friction changes its sign",
-)  # fmt: skip
+)

@@ -8,7 +8,7 @@ to C / r is a signal of r times the size; unlike ``1 / (1 + z)`` the factor is p
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
 
@@ -17,7 +17,7 @@ import casadi as ca
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression, maximum, sqrt
 from workbench.model.units import per, same_dimension
-from workbench.physics.law import Fit, Law, Own, each, floor, reference, shape, size
+from workbench.physics.law import Fit, Law, Own, each, flag, floor, reference, shape, size, size_at
 from workbench.physics.place import Local, Place
 from workbench.physics.survey import Survey
 
@@ -76,16 +76,16 @@ _CAPACITIES = ("J/K", "J/(kg K)", "J/(m3 K)", "kg", "kg/m3", "m3")
 
 def sense(at: Place) -> Own:
     """State whether what flows at a place fills a store, 1, or empties it, -1; dimensionless."""
-    return shape("sense", "1", at.fills, "whether the port's flow fills or empties the store",
-                 around=None, between=(-1.0, 1.0), source="", fitted=False)  # fmt: skip
+    text = "whether the port's flow fills or empties the store"
+    return flag("sense", at.fills, text, lower=-1.0)
 
 
 def _around(at: Place) -> Own:
     start, reach = at.level.start, _FAR * at.level.scale
     each = [shape["ambient"] for shape in _rooms(at)]
     between = min(start - reach, *each), max(start + reach, *each)
-    return shape("ambient", at.level.unit, start, "temperature around", around=None,
-                 between=between, scale=at.level.scale, read=at.level.read)  # fmt: skip
+    return shape("ambient", at.level.unit, start, "temperature around", between=between,
+                 scale=at.level.scale, read=at.level.read)  # fmt: skip
 
 
 def _rooms(at: Place) -> list[dict[str, float]]:
@@ -153,7 +153,7 @@ radiation = Law(
     source="J. Stefan 1879, L. Boltzmann 1884",
     look_alikes=("heat_loss", "second_store"),
     separated_by="hold two temperatures far apart: the loss grows faster than the difference",
-)  # fmt: skip
+)
 
 
 def _usually(*levels: Local) -> Own:
@@ -282,8 +282,8 @@ def _brims(at: Place) -> list[float]:
 
 def _brim(at: Place) -> tuple[Own, ...]:
     level, rate = at.level, at.scale / at.level.scale
-    caught = shape("caught", "1", 0.0, "part of the spill that is caught", around=None,
-                   between=(0.0, 1.0), scale=0.5, source="")  # fmt: skip
+    caught = shape("caught", "1", 0.0, "part of the spill that is caught", between=(0.0, 1.0),
+                   scale=0.5, source="")  # fmt: skip
     return (
         size("coefficient", per(at.unit, level.unit), 10 * rate, 100 * rate,
              "spill over excess level"),
@@ -356,16 +356,14 @@ orifice_outflow = Law(
     "flow = flow - coefficient sqrt(level / level_scale)",
     _each_store,
     lambda at: (
-        size("coefficient", at.unit, 0.1 * at.scale, at.scale,
-             "outflow at the typical level", signed=True),
+        size_at(at, "coefficient", 0.1, 1.0, "outflow at the typical level", signed=True),
         *_outlet(at),
     ),
-    lambda at: at.value
-    - at.p.sense * at.p.coefficient * _rooted(at),
+    lambda at: at.value - at.p.sense * at.p.coefficient * _rooted(at),
     source="E. Torricelli 1643",
     look_alikes=("linear_outflow", "saturating_outflow", "overflow", "offset"),
     separated_by="let the store run empty: the level falls along a parabola, not an exponential",
-)  # fmt: skip
+)
 
 linear_outflow = Law(
     "linear_outflow",
@@ -379,7 +377,7 @@ linear_outflow = Law(
     source="laminar leak, G. Hagen 1839; leak resistance",
     look_alikes=("orifice_outflow", "saturating_outflow", "overflow", "offset"),
     separated_by="let the store run empty: the level falls along an exponential",
-)  # fmt: skip
+)
 
 # Of a voltage or a pressure: what a converter or a pump takes at a constant power.
 constant_power_outflow = Law(
@@ -387,8 +385,7 @@ constant_power_outflow = Law(
     "flow = flow - coefficient level_scale / level",
     _each_effort,
     lambda at: (
-        size("coefficient", at.unit, 0.1 * at.scale, at.scale, "outflow at the typical level",
-             signed=True),
+        size_at(at, "coefficient", 0.1, 1.0, "outflow at the typical level", signed=True),
         sense(at),
         _typical(at.level, at.level.largest),
     ),
@@ -406,8 +403,8 @@ quadratic_outflow = replace(
     name="quadratic_outflow",
     equation="flow = flow - coefficient (level - outlet)^2",
     parameters=lambda at: (
-        size("coefficient", per(at.unit, at.level.unit, 2), 0.1 * at.scale / at.level.scale**2,
-             2.0 * at.scale / at.level.scale**2, "outflow over squared level", signed=True),
+        size_at(at, "coefficient", 0.1, 2.0, "outflow over squared level", over=at.level, power=2,
+                signed=True),
         *_outlet(at),
     ),
     transform=lambda at: at.value - at.p.sense * at.p.coefficient * _above(at) ** 2,
@@ -421,8 +418,7 @@ saturating_outflow = Law(
     "flow = flow - largest level / (half_level + level)",
     _each_store,
     lambda at: (
-        size("largest", at.unit, 0.1 * at.scale, at.scale, "outflow that it saturates at",
-             signed=True),
+        size_at(at, "largest", 0.1, 1.0, "outflow that it saturates at", signed=True),
         shape("half_level", at.level.unit, at.level.scale, "level with half of that outflow",
               around=(1e-3, 50.0)),
         *_outlet(at),
@@ -518,7 +514,7 @@ exchange_with_input = Law(
     source="I. Newton 1701, A. Fick 1855",
     look_alikes=("heat_loss", "linear_outflow", "second_store"),
     separated_by="what it exchanges with changes, and nothing else",
-)  # fmt: skip
+)
 
 
 def _of_head(at: Place) -> Own:
@@ -581,22 +577,19 @@ def _falling(z: Expression) -> Expression:
     return 1.0 / (1.0 + maximum(z, 0.0)) + maximum(-z, 0.0)
 
 
-def _growth(of: Callable[[Place], Local], *, signed: bool) -> Callable[[Place], tuple[Own, ...]]:
-    def parameters(at: Place) -> tuple[Own, ...]:
-        usual = 0.2 / of(at).scale ** 2
-        return (
-            size("growth", per("1", of(at).unit, 2), usual, 50.0 * usual,
-                 "relative change over the square", signed=signed),
-        )  # fmt: skip
-
-    return parameters
+def _growth(of: Local, *, signed: bool) -> tuple[Own, ...]:
+    usual = 0.2 / of.scale**2
+    return (
+        size("growth", per("1", of.unit, 2), usual, 50.0 * usual,
+             "relative change over the square", signed=signed),
+    )  # fmt: skip
 
 
 saturating_inductance = Law(
     "saturating_inductance",
     "L = L_0 / (1 + growth i^2)",
     each("circuit", needs=("speed",), only=lambda at: at.whole),
-    _growth(lambda at: at.speed, signed=False),
+    lambda at: _growth(at.speed, signed=False),
     lambda at: at.value * (1.0 + at.p.growth * at.signals.speed**2),
     usual=True,
     source="O. Froelich 1881, magnetisation of iron",
@@ -610,7 +603,7 @@ varying_capacitance = replace(
     name="varying_capacitance",
     equation="C = C_0 (1 + growth u^2)",
     where=each("current", needs=("level",), only=lambda at: at.whole),
-    parameters=_growth(lambda at: at.level, signed=True),
+    parameters=lambda at: _growth(at.level, signed=True),
     transform=lambda at: at.value * _falling(at.p.growth * at.signals.level**2),
     source="ceramic of high permittivity, junction of a diode",
     look_alikes=("saturating_inductance", "linear_outflow"),

@@ -20,15 +20,16 @@ from workbench.physics.place import Place
 from workbench.physics.survey import Survey
 
 
-def _volume_and_restriction(conductance: float, *more: Own) -> Callable[[Place], tuple[Own, ...]]:
-    own = (
-        shape("volume", "m3", 1e-5, "gas volume", around=None, between=(1e-6, 1e-3), source=""),
-        shape("conductance", "m3/(s Pa)", conductance, "sonic conductance", around=None,
-              between=(1e-9, 1e-6), scale=1e-8, source=""),
-        *more,
-        share("share of the law; 0 is its absence"),
+def _there_or_not(*own: Own) -> Callable[[Place], tuple[Own, ...]]:
+    return lambda at: (*own, share("share of the law; 0 is its absence"))
+
+
+def _volume_and_restriction(conductance: float) -> tuple[Own, Own]:
+    return (
+        shape("volume", "m3", 1e-5, "gas volume", between=(1e-6, 1e-3), source=""),
+        shape("conductance", "m3/(s Pa)", conductance, "sonic conductance", between=(1e-9, 1e-6),
+              scale=1e-8, source=""),
     )  # fmt: skip
-    return lambda at: own
 
 
 def _stiffness(e: EffectView, temperature: Expression) -> Expression:
@@ -90,10 +91,10 @@ line = Law(
     "dp/dt = n R T (flow_valve - flow_chamber) / V, T = T_c + wall (T_w - T_c),"
     " n = gamma - wall (gamma - 1)",
     _tubes,
-    _volume_and_restriction(
-        4e-8,
+    _there_or_not(
+        *_volume_and_restriction(4e-8),
         shape("wall", "1", 0.0, "how much of its wall's temperature the gas in the tube takes",
-              around=None, between=(0.0, 1.0), scale=0.5, source="", refined=True),
+              between=(0.0, 1.0), scale=0.5, source="", refined=True),
     ),
     _tube,
     states=lambda at: (
@@ -125,7 +126,7 @@ silencer = Law(
     "silencer",
     "dp/dt = gamma R T (flow_exhaust - flow_ambient) / V",
     lambda survey: _numbers([(q,) for q in survey.fitting("exhaust_pressure")]),
-    _volume_and_restriction(6e-8),
+    _there_or_not(*_volume_and_restriction(6e-8)),
     lambda at: at.value + at.p.share * (at.x.pressure - at.value),
     states=lambda at: (
         State("pressure", "Pa", 1e5, "pressure in the silencer", initial=1.01325e5, lower=0.0),
@@ -156,23 +157,16 @@ def _fed(e: EffectView) -> dict[str, Expression]:
     return {"pressure": _stiffness(e, warmth) * (feed - _drawn(e))}
 
 
-def _reservoir(feed: Own) -> Callable[[Place], tuple[Own, ...]]:
-    own = (
-        shape("volume", "m3", 5e-4, "reservoir volume", around=None, between=(1e-5, 0.1),
-              source=""),
-        feed,
-        share("share of the law; 0 is its absence"),
-    )  # fmt: skip
-    return lambda at: own
-
+_RESERVOIR = shape("volume", "m3", 5e-4, "reservoir volume", between=(1e-5, 0.1), source="")
 
 supply_droop = Law(
     "supply_droop",
     "dp/dt = gamma R T (flow_feed - flow_drawn) / V",
     _where,
-    _reservoir(
-        shape("conductance", "m3/(s Pa)", 1e-8, "sonic conductance of the feed", around=None,
-              between=(1e-10, 1e-6), source="")
+    _there_or_not(
+        _RESERVOIR,
+        shape("conductance", "m3/(s Pa)", 1e-8, "sonic conductance of the feed",
+              between=(1e-10, 1e-6), source=""),
     ),
     lambda at: at.value + at.p.share * (at.x.pressure - at.value),
     states=lambda at: (
@@ -200,9 +194,10 @@ reservoir_droop = replace(
     supply_droop,
     name="reservoir_droop",
     equation="dp/dt = R T (gain (p_0 - p) - flow_drawn) / V",
-    parameters=_reservoir(
-        shape("gain", "kg/(s Pa)", 5e-9, "refilling flow per missing pressure", around=None,
-              between=(1e-11, 1e-6), source="")
+    parameters=_there_or_not(
+        _RESERVOIR,
+        shape("gain", "kg/(s Pa)", 5e-9, "refilling flow per missing pressure",
+              between=(1e-11, 1e-6), source=""),
     ),
     rates=_refilled,
     shapes=lambda at: ({"gain": 5e-9}, {"gain": 3e-8}),
@@ -220,8 +215,7 @@ regulator_droop = Law(
     lambda at: (
         size("resistance", "Pa s/kg", 1e7, 1e8, "droop over flow",
              source="0.1 to 0.4 bar at full flow in the literature"),
-        shape("time_constant", "s", 0.05, "response of the regulator",
-              around=None, between=(0.005, 5.0)),
+        shape("time_constant", "s", 0.05, "response of the regulator", between=(0.005, 5.0)),
     ),
     lambda at: at.value - at.p.resistance * at.x.drawn,
     states=lambda at: (State("drawn", "kg/s", 1e-3, "flow that the regulator answers"),),
@@ -245,7 +239,7 @@ supply_drift = replace(
     sensor_drift,
     name="supply_drift",
     where=each("supply_pressure"),
-    parameters=warming(lambda at: 0.3),
+    parameters=lambda at: warming(at, 0.3),
     group="process",
     source="a bottle that runs empty, a regulator that creeps",
     look_alikes=("supply_jump", "reservoir_droop", "supply_droop"),

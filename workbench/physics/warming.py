@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from workbench.model import State
-from workbench.physics.law import Fit, Law, Own, reference, shape, size, with_subject
+from workbench.physics.law import Fit, Law, Own, reference, shape, size_at, with_subject
 from workbench.physics.parameter_arguments import dissipating, gained, heating
-from workbench.physics.place import Local, Place
+from workbench.physics.place import Place
 from workbench.physics.stores import heat_stores, sense
 from workbench.physics.survey import Survey
 
@@ -24,30 +24,21 @@ def _warmed(survey: Survey) -> Iterator[Fit]:
             yield f"_{q.name}", (tuple(at),)
 
 
-def _over(at: Place) -> Local:
-    return at.other("over")
-
-
 def _largest(at: Place) -> Own:
-    return reference("largest", _over(at).unit, _over(at).largest, "largest value seen")
-
-
-def _changing(at: Place) -> tuple[Own, ...]:
-    unit, scale = (at.parameters[0].unit, at.parameters[0].scale) if at.parameters else ("1", 1.0)
-    return (
-        size("amount", unit, 0.3 * scale, 10.0 * scale,
-             "change of the parameter if the largest value lasted", signed=True),
-        shape("time_constant", "s", 0.3 * at.lasting, "time in which it warms",
-              around=(1e-3, 100.0)),
-        _largest(at),
-    )  # fmt: skip
+    return reference("largest", at.over.unit, at.over.largest, "largest value seen")
 
 
 own_warming = Law(
     "own_warming",
     "parameter + amount w, dw/dt = ((i / i_largest)^2 - w) / time_constant",
     _warmed,
-    _changing,
+    lambda at: (
+        size_at(at.changed, "amount", 0.3, 10.0,
+                "change of the parameter if the largest value lasted", signed=True),
+        shape("time_constant", "s", 0.3 * at.lasting, "time in which it warms",
+              around=(1e-3, 100.0)),
+        _largest(at),
+    ),
     lambda at: with_subject(at, at.subject + at.p.amount * at.x.warmth),
     states=lambda at: (
         State("warmth", "1", 1.0, "heat stored, over that of the largest value", start_rms=0.5),
@@ -61,7 +52,7 @@ own_warming = Law(
     " speed",
     look_alikes=("parameter_fade", "parameter_curve", "gain_fade"),
     separated_by="a long load, then the same motion as before it: it comes back as it cools",
-)
+)  # fmt: skip
 
 
 def _heated(survey: Survey) -> Iterator[Fit]:
@@ -76,8 +67,7 @@ resistive_heat = Law(
     "Q = Q + heat (i / i_largest)^2",
     _heated,
     lambda at: (
-        size("heat", at.unit, 0.2 * at.scale, 20.0 * at.scale, "heat of the largest value",
-             signed=True),
+        size_at(at, "heat", 0.2, 20.0, "heat of the largest value", signed=True),
         _largest(at),
         sense(at),
     ),
@@ -85,4 +75,4 @@ resistive_heat = Law(
     source="J. P. Joule 1841",
     look_alikes=("bend", "parameter_curve", "heat_loss"),
     separated_by="the same current in both directions: the heat is the same",
-)  # fmt: skip
+)

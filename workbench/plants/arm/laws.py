@@ -12,7 +12,7 @@ from workbench.model import About, Effect, EffectView, Parameter, PortView, Stat
 from workbench.model.regularisation import Expression
 from workbench.physics.force_laws import PaperLaw, Sarosi
 from workbench.physics.gas import chambers, wall_heat
-from workbench.physics.law import Fit, Law, each, shape, share, size, twins
+from workbench.physics.law import Fit, Law, each, flag, shape, share, size, twins
 from workbench.physics.muscle_volume import BraidedCylinder
 from workbench.physics.survey import Survey
 from workbench.plants.arm.joint import ArmBody, lever
@@ -32,7 +32,7 @@ tilt_gravity = Law(
     lambda at: (
         size("tilt", "rad", 0.05, 0.5, "angle of the plane to the level", signed=True),
         shape("direction", "rad", 0.0, "angle of the arm at which its weight pulls most",
-              around=None, between=(-3.2, 3.2), scale=1.0, source=""),
+              between=(-3.2, 3.2), scale=1.0, source=""),
     ),
     _tilted,
     shapes=lambda at: [{"direction": direction} for direction in (0.0, 0.5 * math.pi)],
@@ -66,9 +66,8 @@ load_error = Law(
     _inertia_and_weight,
     lambda at: (
         size("mass", "kg", 0.5, 8.0, "mass in excess of the notes", signed=True),
-        shape("gravity_share", "1", 1.0 if at.others else 0.0,
-              "share of gravity in the plane of motion", around=None, between=(-1.0, 1.0),
-              scale=1.0, source="", fitted=False),
+        flag("gravity_share", 1.0 if at.others else 0.0, "share of gravity in the plane of motion",
+             lower=-1.0),
     ),
     _heavier,
     source="parallel-axis theorem",
@@ -110,9 +109,9 @@ loose_load = Law(
     _inertia_and_torque,
     lambda at: (
         size("share", "1", 1.0, 1.0, "part of the load that is loose"),
-        shape("frequency", "rad/s", 40.0, "natural frequency with the arm held", around=None,
+        shape("frequency", "rad/s", 40.0, "natural frequency with the arm held",
               between=(5.0, 300.0)),
-        shape("damping", "1", 0.1, "damping ratio", around=None, between=(0.0, 2.0)),
+        shape("damping", "1", 0.1, "damping ratio", between=(0.0, 2.0)),
     ),
     _loose,
     states=lambda at: (
@@ -224,14 +223,10 @@ def printed_volume() -> Effect:
     ``V = V_cyl(s) + 2 V_zone`` with n in the unit of a length and without the square root in d.
     """
     braid = BraidedCylinder(printing="as_printed")
-
-    def transform(at: PortView) -> Expression:
-        return braid.volume(at.signals.fibre_length, form=at.form)
-
     return Effect(
         "printed_volume",
         VOLUME_PORTS,
-        transform,
+        lambda at: braid.volume(at.signals.fibre_length, form=at.form),
         about=About("V = V_cyl(s) + 2 V_zone", "lines [6] to [10] of the paper's Figure 3"),
     )
 
@@ -254,7 +249,7 @@ heat_exchange = Law(
     lambda at: (
         size("coefficient", "W/(m2 K)", 150.0, 1e5, "heat transfer coefficient", scale=100.0,
              source="estimate; the paper's model has 200"),
-        shape("area", "m2", AREA, "wetted area of one chamber", around=None, between=(1e-5, 1.0),
+        shape("area", "m2", AREA, "wetted area of one chamber", between=(1e-5, 1.0),
               source="paper, Figure 2", fitted=False),
     ),
     lambda at: at.value + _wall(at, at.p.area),
@@ -291,8 +286,8 @@ gas_energy_balance = Law(
     chambers(isothermal=True),
     lambda at: (
         share("share of the exchange with the wall"),
-        shape("coefficient", "W/(m2 K)", 150.0, "heat transfer coefficient", around=None,
-              between=(0.0, 1000.0), scale=100.0, source=""),
+        shape("coefficient", "W/(m2 K)", 150.0, "heat transfer coefficient", between=(0.0, 1000.0),
+              scale=100.0, source=""),
     ),
     lambda at: at.value + at.p.share * (_wall(at, AREA) - at.value),
     source="line [15] of the paper's Figure 3",
