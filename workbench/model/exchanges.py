@@ -110,11 +110,10 @@ def exchanges(
         value = symbol * slope[moved[0]] / round(float(powers[0, 0]), 6)
         direction = np.zeros(len(names))
         direction[moved] = ratios[0]
-        same = next((one for one in shared if _near(one.direction, direction)), None)
+        same = next((one for one in shared if _equal(one.direction, direction)), None)
         if same is None:
-            own_shares = tuple(shares[k] for k in range(len(moved)))
             moving = tuple(names[i] for i in moved)
-            shared.append(_Shared(direction, moving, own_shares, [value]))
+            shared.append(_Shared(direction, moving, tuple(shares.elements()), [value]))
             continue
         factored = [v for v in same.values if ca.depends_on(v, symbol)]
         if factored:
@@ -127,16 +126,12 @@ def exchanges(
                 continue
         kept = [v for v in same.values if not ca.depends_on(v, symbol)]
         same.values[:] = [*kept, value]
-    found = [
-        (one.direction, Exchange(one.names, ca.sum1(ca.vcat(one.values)), one.shares))
-        for one in shared
-    ]
-    by_parameter = [direction for direction, _ in found]
+    found = [Exchange(one.names, ca.sum1(ca.vcat(one.values)), one.shares) for one in shared]
     for direction, exchange in _written(f, names, both, own, looks, usual):
         kinds = [units[n] for n in exchange.names]
-        if _of_one_kind(kinds) and not any(_near(d, direction) for d in by_parameter):
-            found.append((direction, exchange))
-    return [exchange for _, exchange in found]
+        if _of_one_kind(kinds) and not any(_equal(one.direction, direction) for one in shared):
+            found.append(exchange)
+    return found
 
 
 def _written(
@@ -206,14 +201,10 @@ def _is_bare(e: ca.SX) -> bool:
 
 
 def _same(rows: Vector) -> bool:
-    return bool(np.all(np.abs(rows - rows[0]) <= _ALIKE * np.abs(rows[0]).max()))
+    return _equal(rows, rows[0])
 
 
 def _equal(a: Vector, b: Vector) -> bool:
-    return bool(np.all(np.abs(a - b) <= _ALIKE * np.abs(b).max()))
-
-
-def _near(a: Vector, b: Vector) -> bool:
     return bool(np.all(np.abs(a - b) <= _ALIKE * np.abs(b).max()))
 
 

@@ -22,13 +22,8 @@ def cofactor(expression: ca.SX, symbol: ca.SX) -> ca.SX | None:
         >>> cofactor(k * x + k**2, k) is None
         True
     """
-    own, found, seen = symbol.element_hash(), list[ca.SX](), set[int]()
-    waiting = [e for e in expression.elements() if not e.is_constant()]
-    while waiting:
-        node = waiting.pop()
-        if node.is_symbolic() or node.is_constant() or node.element_hash() in seen:
-            continue
-        seen.add(node.element_hash())
+    own, found = symbol.element_hash(), list[ca.SX]()
+    for node in _operations(expression):
         parts = [node.dep(i) for i in range(node.n_dep())]
         mine = [part.is_symbolic() and part.element_hash() == own for part in parts]
         if any(mine):
@@ -36,7 +31,6 @@ def cofactor(expression: ca.SX, symbol: ca.SX) -> ca.SX | None:
             if not product and not (node.op() == ca.OP_DIV and not mine[0]):
                 return None
             found.append(parts[mine.index(False)])
-        waiting += [part for part, is_it in zip(parts, mine, strict=True) if not is_it]
     if not found or not all(ca.is_equal(other, found[0], 8) for other in found[1:]):
         return None
     return found[0]

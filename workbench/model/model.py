@@ -27,8 +27,8 @@ from workbench.model.quantities import (
     combined_unit,
     declared_unit,
 )
-from workbench.model.regularisation import EXACT, REGULARISED, Expression, Form
-from workbench.model.scope import Names, Port
+from workbench.model.regularisation import EXACT, REGULARISED, Form
+from workbench.model.scope import Port
 from workbench.model.sizes import horizon, missing, poles_of, silent, sized, sizes
 from workbench.model.trace import Equations, Named, Trace, trace
 from workbench.model.traits import Bound, Traits
@@ -526,9 +526,9 @@ class Model(Shown):
 
     def __str__(self) -> str:
         lines = [f"{self.name}: {self.description}" if self.description else self.name]
-        for title, group in (("states", self.states), ("inputs", self.inputs)):
+        groups = {"states": self.states, "inputs": self.inputs, "outputs": self.outputs}
+        for title, group in groups.items():
             lines += [f"  {title}"] + [_row(q) for q in group]
-        lines += ["  outputs"] + [_row(q) for q in self.outputs]
         lines += ["  parameters"]
         lines += [f"{_row(q)}  {q.value:<12.6g} {q.source}".rstrip() for q in self.parameters]
         lines += ["  effects    " + (", ".join(e.name for e in self.effects) or "none")]
@@ -563,9 +563,6 @@ def _prefixed(effect: Effect, quantity: Own) -> Own:
 
 def _row(quantity: Quantity) -> str:
     return f"    {quantity.name:<34} {quantity.unit:<14} {quantity.description}".rstrip()
-
-
-__all__ = ["Expression", "Model", "Names", "Trace", "check_vector", "index_of"]
 
 
 def _structure(effect: Effect) -> tuple[Hashable, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
@@ -301,14 +301,14 @@ def trace(model: Written, form: Form) -> Trace:
         rates |= {f"{effect.name}.{k}": v for k, v in effect.rates(view).items()}
         if effect.start is not None:
             starts |= {f"{effect.name}.{k}": v for k, v in effect.start(view).items()}
-    start = ca.vcat([starts.get(n, s) for n, s in symbols["state"].items()] or [ca.SX(0, 1)])
-    signals = ca.vcat([_symbolic(v) for v in scope.values.values()] or [ca.SX(0, 1)])
+    start = _column(starts.get(n, s) for n, s in symbols["state"].items())
+    signals = _column(scope.values.values())
     perturbed_rates = _stack(model, "rate of state", rates, model.states)
     perturbed_outputs = _stack(model, "measurement of output", outputs, model.outputs)
     # The equations may have been traced before ports were opened at what they read.
-    perturbation = _vector({q.name: perturbations[q.name] for q in scope.ports})
+    perturbation = _column(perturbations[q.name] for q in scope.ports)
     sources = {**scope.values, **symbols["parameter"], **known}
-    own_signals = [ca.vcat([_symbolic(v) for v in local[q.name].values()]) for q in scope.ports]
+    own_signals = [_column(local[q.name].values()) for q in scope.ports]
     # Effects one after another have written anew what stands before them.
     traced = ca.cse([perturbed_rates, perturbed_outputs, start, signals, *own_signals])
     nothing = [perturbation], [ca.SX.zeros(perturbation.numel())]
@@ -321,9 +321,9 @@ def trace(model: Written, form: Form) -> Trace:
         still = ca.substitute(traced, *nothing)
     named = _origins(sources)
     return Trace(
-        x=_vector(symbols["state"]),
-        u=_vector(symbols["input"]),
-        p=_vector(symbols["parameter"]),
+        x=_column(symbols["state"].values()),
+        u=_column(symbols["input"].values()),
+        p=_column(symbols["parameter"].values()),
         rates=still[0],
         outputs=still[1],
         start=still[2],
@@ -358,7 +358,7 @@ def _leaves_the_numbers(
         )
     )
     reach = np.array([q.scale or abs(at) or 1.0 for q, at in zip(model.states, x, strict=True)])
-    own = [_vector(symbols[kind]) for kind in ("state", "input", "parameter")]
+    own = [_column(symbols[kind].values()) for kind in ("state", "input", "parameter")]
     return leave_the_numbers(expressions, own, x, reach, u, p)
 
 
@@ -438,12 +438,12 @@ def _default_exchanges(
     x = {q.name: symbols["state"][q.name] for q in states}
     given = {n: _symbolic(rate) for n, rate in plain.items() if n in x}
     changed = dict(rates)
-    opened = _vector({n: _symbolic(scope.u[n]) for n in symbols["input"]})
+    opened = _column(scope.u[n] for n in symbols["input"])
     for found in exchanges(given, states, x, symbols["input"], own):
         between = "_".join(found.names)
         name = f"{between}.exchange"
         name = name if name not in scope.values else f"{between}_{len(scope.values)}.exchange"
-        value = ca.substitute(found.value, _vector(symbols["input"]), opened)
+        value = ca.substitute(found.value, _column(symbols["input"].values()), opened)
         first = next(q for q in states if q.name == found.names[0])
         more = _opened(scope, first, "exchange", value, sizes, name=name) - value
         for n, share in zip(found.names, found.shares, strict=True):
@@ -463,7 +463,7 @@ def _covered(
         scope: One in which the equations may be written once more.
         declared: Signals at the author's ports before effects have acted, by name, in SI.
     """
-    x = _vector(symbols["state"])
+    x = _column(symbols["state"].values())
     carried: dict[str, str] = {}
     for port, value in declared.items():
         entering = [n for n, u in symbols["input"].items() if ca.depends_on(_symbolic(value), u)]
@@ -473,7 +473,7 @@ def _covered(
         return set()
     # What enters beside those ports, as a current that both charges and heats, is not theirs alone.
     scope.transform = lambda port, value, _: ca.SX.sym(port.name) if port.name in carried else value
-    beside = ca.vcat([_symbolic(v) for part in _equations_of(model, scope) for v in part.values()])
+    beside = _column(v for part in _equations_of(model, scope) for v in part.values())
     return {n for n in carried.values() if not ca.depends_on(beside, symbols["input"][n])}
 
 
@@ -481,8 +481,8 @@ def _whole(
     rates: Named, declared: Named, scope: Scope, perturbations: Mapping[str, ca.SX]
 ) -> set[str]:
     """Return the states whose rate is a multiple of the signal at a port of the author."""
-    every = _vector({name: _symbolic(rate) for name, rate in rates.items()})
-    slopes = ca.jacobian(every, _vector({port: perturbations[port] for port in declared}))
+    every = _column(rates.values())
+    slopes = ca.jacobian(every, _column(perturbations[port] for port in declared))
     pairs = list(zip(*slopes.sparsity().get_triplet(), strict=True))
     if not pairs:
         return set()
@@ -624,8 +624,8 @@ def _short_names(effect: Effect, values: Mapping[str, ca.SX], kind: str) -> Name
     )
 
 
-def _vector(symbols: Mapping[str, ca.SX]) -> ca.SX:
-    return ca.vcat(list(symbols.values())) if symbols else ca.SX(0, 1)
+def _column(values: Iterable[Expression]) -> ca.SX:
+    return ca.vcat([_symbolic(v) for v in values] or [ca.SX(0, 1)])
 
 
 def _stack(
@@ -640,4 +640,4 @@ def _stack(
             f"the equations of model {model.name!r} return {problem}; they must return one for each"
             f" of: {', '.join(names)}"
         )
-    return ca.vcat([_symbolic(given[n]) for n in names]) if names else ca.SX(0, 1)
+    return _column(given[n] for n in names)
