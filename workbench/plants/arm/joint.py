@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from workbench.errors import check_range
-from workbench.model import About, Effect, Parameter, PortView, Scope, State
+from workbench.model import About, Effect, Parameter, Scope, State
 from workbench.model.regularisation import Expression, functions_of, is_symbolic, where
 from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.plants.arm.geometry import TRAVEL, ArmGeometry
@@ -189,14 +189,10 @@ def gravity() -> Effect:
     ``T = T - g [m_arm (x cos theta - y sin theta) + load (x_p cos theta + y_p sin theta)]``
     """
     masses = ArmBody()
-
-    def transform(at: PortView) -> Expression:
-        return at.value - masses.gravity_torque(at.signals.angle, at.signals.load)
-
     return Effect(
         "gravity",
         ("joint.torque",),
-        transform,
+        lambda at: at.value - masses.gravity_torque(at.signals.angle, at.signals.load),
         about=About("T - g sum(m r)", "statics of the paper's Figure 4"),
     )
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
-from workbench.model import About, Effect, Input, Model, Output, Parameter, PortView, Scope, State
+from workbench.model import About, Effect, Input, Model, Output, Parameter, Scope, State
 from workbench.model.regularisation import Expression
-from workbench.model.trace import Equations
+from workbench.model.trace import Equations, Named
 from workbench.physics.force_laws import CONTRACTIONS, ForceLaw, PaperLaw, Petrovic, slack
 from workbench.physics.gas import chamber_rates, port_enthalpy_flow
 from workbench.physics.muscle_volume import BraidedCylinder
-from workbench.plants.arm.laws import heat_exchange
+from workbench.plants.arm.laws import VOLUME_PORTS, heat_exchange
 from workbench.plants.arm.servovalve import PARAMETERS as VALVE_PARAMETERS
 
 PARAMETERS = (
@@ -24,6 +24,18 @@ PARAMETERS = (
     Parameter("dead_volume", "m3", 0.0, "volume of fittings and line", 15e-6, 5e-6, 30e-6,
               "estimate", fitted=True),
 )  # fmt: skip
+
+PORTS = {
+    # Name without the muscle's number: unit, role, scale, meaning.
+    "muscle.length": ("m", "muscle_length", 0.01, "length of the fibre"),
+    "muscle.volume": ("m3", "muscle_volume", 1e-5, "volume inside the braid"),
+    "muscle.tension": ("N", "muscle_tension", 100.0, "tension before the muscle goes slack"),
+    "muscle.force": ("N", "muscle_force", 100.0, "pulling force on the lever"),
+    "chamber.flow": ("kg/s", "gas_flow", 1e-3, "mass flow into the muscle"),
+    "chamber.volume_rate": ("m3/s", "volume_rate", 1e-4, "rate of the gas volume"),
+    "chamber.heat": ("W", "gas_heat", 10.0, "heat flow into the gas"),
+}
+"""Ports of a muscle."""
 
 AMBIENT = tuple(q for q in VALVE_PARAMETERS if q.name.startswith("ambient"))
 
@@ -84,14 +96,23 @@ def muscle(
     pressure, temperature = m.x[f"pressure{suffix}"], m.x[f"temperature{suffix}"]
     ambient_pressure, ambient = p.ambient_pressure, p.ambient_temperature
     gauge = pressure - ambient_pressure
-    fibre_length = m.port(
-        f"muscle{suffix}.length",
-        fibre_length,
-        unit="m",
-        role="muscle_length",
-        scale=0.01,
-        description="length of the fibre",
-    )
+
+    def port(
+        name: str, value: Expression, signals: Named | None = None, disturbance: float = 0.0
+    ) -> Expression:
+        unit, role, scale, meaning = PORTS[name]
+        return m.port(
+            name.replace(".", f"{suffix}."),
+            value,
+            unit=unit,
+            role=role,
+            scale=scale,
+            description=meaning,
+            signals=signals,
+            disturbance=disturbance,
+        )
+
+    fibre_length = port("muscle.length", fibre_length)
     contraction = m.publish(
         f"muscle{suffix}.contraction",
         laws.volume.nominal_length - fibre_length,
@@ -100,85 +121,39 @@ def muscle(
         upper=CONTRACTIONS[1],
     )
     contraction_speed = ca.jtimes(contraction, coordinate, coordinate_speed)
-
-    flow = m.port(
-        f"chamber{suffix}.flow",
-        flow,
-        unit="kg/s",
-        role="gas_flow",
-        scale=1e-3,
-        description="mass flow into the muscle",
-        signals={
-            "pressure": pressure,
-            "gauge_pressure": gauge,
-            "temperature": temperature,
-            "ambient_pressure": ambient_pressure,
-            "ambient_temperature": ambient,
-        },
-        disturbance=3e-5,
-    )
-    braid = m.port(
-        f"muscle{suffix}.volume",
-        laws.volume.cylinder_volume(fibre_length),
-        unit="m3",
-        role="muscle_volume",
-        scale=1e-5,
-        description="volume inside the braid",
-        signals={"fibre_length": fibre_length},
-    )
+    arriving = {
+        "pressure": pressure,
+        "gauge_pressure": gauge,
+        "temperature": temperature,
+        "ambient_pressure": ambient_pressure,
+        "ambient_temperature": ambient,
+    }
+    flow = port("chamber.flow", flow, arriving, disturbance=3e-5)
+    cylinder = laws.volume.cylinder_volume(fibre_length)
+    braid = port("muscle.volume", cylinder, {"fibre_length": fibre_length})
     volume = m.publish(f"chamber{suffix}.volume", p.volume_gain * braid + p.dead_volume, unit="m3")
     local = {
         "contraction": contraction,
         "contraction_speed": contraction_speed,
         "gauge_pressure": gauge,
     }
-    tension = m.port(
-        f"muscle{suffix}.tension",
-        laws.force.tension(contraction, gauge, form=m.form),
-        unit="N",
-        role="muscle_tension",
-        scale=100.0,
-        description="tension before the muscle goes slack",
-        signals=local,
-    )
+    tension = port("muscle.tension", laws.force.tension(contraction, gauge, form=m.form), local)
     pull = p.force_gain * slack(tension)
     pulling = {"tension": pull, "contraction_speed": contraction_speed}
-    force = m.port(
-        f"muscle{suffix}.force",
-        pull,
-        unit="N",
-        role="muscle_force",
-        scale=100.0,
-        description="pulling force on the lever",
-        signals=local | pulling,
-    )
-    volume_rate = m.port(
-        f"chamber{suffix}.volume_rate",
-        ca.jtimes(volume, coordinate, coordinate_speed),
-        unit="m3/s",
-        role="volume_rate",
-        scale=1e-4,
-        description="rate of the gas volume",
-        signals=pulling | {"volume": volume},
-    )
+    force = port("muscle.force", pull, local | pulling)
+    widening = ca.jtimes(volume, coordinate, coordinate_speed)
+    volume_rate = port("chamber.volume_rate", widening, pulling | {"volume": volume})
     enthalpy_flow = port_enthalpy_flow(flow, ambient, temperature, form=m.form)
-    heat = m.port(
-        f"chamber{suffix}.heat",
-        0.0,
-        unit="W",
-        role="gas_heat",
-        scale=10.0,
-        description="heat flow into the gas",
-        signals={
-            "temperature": temperature,
-            "wall_temperature": ambient,
-            "gauge_pressure": gauge,
-            "pressure": pressure,
-            "enthalpy_flow": enthalpy_flow,
-            "mass_flow": flow,
-            "volume_rate": volume_rate,
-        },
-    )
+    of_gas = {
+        "temperature": temperature,
+        "wall_temperature": ambient,
+        "gauge_pressure": gauge,
+        "pressure": pressure,
+        "enthalpy_flow": enthalpy_flow,
+        "mass_flow": flow,
+        "volume_rate": volume_rate,
+    }
+    heat = port("chamber.heat", 0.0, of_gas)
     rates = chamber_rates(
         pressure,
         temperature,
@@ -211,14 +186,10 @@ def muscle_laws(
 
 def force_correction(paper: PaperLaw) -> Effect:
     """Build the pressure-independent term of the paper's force law, ``T = T + phi(q)``."""
-
-    def transform(at: PortView) -> Expression:
-        return at.value + at.p.gain * paper.phi(at.signals.contraction, form=at.form)
-
     return Effect(
         "force_correction",
         ("muscle_1.tension", "muscle_2.tension"),
-        transform,
+        lambda at: at.value + at.p.gain * paper.phi(at.signals.contraction, form=at.form),
         parameters=(
             Parameter("gain", "1", 0.0, "share of phi(q)", 1.0, 0.0, 2.0, "paper, equation (4)"),
         ),
@@ -228,14 +199,10 @@ def force_correction(paper: PaperLaw) -> Effect:
 
 def end_flattening(geometry: BraidedCylinder) -> Effect:
     """Build what flattened ends of height h take off the cylinder, ``V = V - (2 pi / 3) h^3``."""
-
-    def transform(at: PortView) -> Expression:
-        return at.value + geometry.end_flattening(at.signals.fibre_length, form=at.form)
-
     return Effect(
         "end_flattening",
-        ("muscle_1.volume", "muscle_2.volume"),
-        transform,
+        VOLUME_PORTS,
+        lambda at: at.value + geometry.end_flattening(at.signals.fibre_length, form=at.form),
         about=About("V + dV_ends(s)", "lines [8] to [10] of the paper's Figure 3"),
     )
 

@@ -10,10 +10,10 @@ the spool; that plant has one kink left, between filling and venting.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 
-from workbench.model import ActuatorCurve, DriftingSum, Effect, PortView, Traits
-from workbench.model.regularisation import Expression
+from workbench.model import ActuatorCurve, DriftingSum, Effect, Traits
 
 EDGES = {
     "valve.supply_1": 1.0,
@@ -34,21 +34,24 @@ def proportional_edges(edges: Mapping[str, float] = EDGES, suffix: str = "") -> 
 
     ``opening = max(0, +-spool / 5 V)``
     """
+    return Effect(
+        f"proportional_edges{suffix}",
+        tuple(edges),
+        lambda at: at.form.ramp(edges[at.port] * at.signals.spool, _WIDTH) / FULL_STROKE,
+    )
 
-    def transform(at: PortView) -> Expression:
-        return at.form.ramp(edges[at.port] * at.signals.spool, _WIDTH) / FULL_STROKE
 
-    return Effect(f"proportional_edges{suffix}", tuple(edges), transform)
-
-
-_LIMITS = tuple(
-    (name, ("ambient_pressure",), ("ambient_pressure", "supply_pressure"))
-    for name in ("pressure_1", "pressure_2")
+_ARM = Traits(
+    limits=tuple(
+        (name, ("ambient_pressure",), ("ambient_pressure", "supply_pressure"))
+        for name in ("pressure_1", "pressure_2")
+    ),
+    stops=(("angle", ("lower_stop",), ("upper_stop",)),),
+    choices=("load", "supply_pressure"),
 )
-_STOPS = (("angle", ("lower_stop",), ("upper_stop",)),)
-_CHOICES = ("load", "supply_pressure")
 
-ONE_VALVE = Traits(
+ONE_VALVE = replace(
+    _ARM,
     sums=(
         DriftingSum(
             "mean_pressure",
@@ -61,9 +64,6 @@ ONE_VALVE = Traits(
             scale=1e5,
         ),
     ),
-    limits=_LIMITS,
-    stops=_STOPS,
-    choices=_CHOICES,
     curves=(
         ActuatorCurve(
             "opening",
@@ -76,10 +76,8 @@ ONE_VALVE = Traits(
 )
 """Of the arm with one 5/3 valve: the mean pressure drifts to where leakage holds it."""
 
-TWO_VALVES = Traits(
-    limits=_LIMITS,
-    stops=_STOPS,
-    choices=_CHOICES,
+TWO_VALVES = replace(
+    _ARM,
     curves=tuple(
         ActuatorCurve(
             f"opening_{i}",
