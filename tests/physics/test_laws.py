@@ -22,6 +22,7 @@ from workbench.model.units import per
 from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.physics.library import LAWS, library
 from workbench.physics.recorded_facts import RecordedFacts
+from workbench.physics.stores import outflow_exponent
 from workbench.physics.survey import Survey
 from workbench.plants.servo_axis import servo_axis
 
@@ -310,6 +311,33 @@ def test_a_plant_without_ports_is_offered_laws_where_it_can_have_them() -> None:
     assert found["delay_motor_command"].ports == ("motor.command",)
     slowed = plain.with_effect(viscous_friction("turning.rate", coefficient=0.5))
     np.testing.assert_allclose(slowed.rates([0.1, 2.0], [3.0]), [2.0, 3.0 - 0.981 - 1.0])
+
+
+def test_every_law_is_an_effect_at_a_port_of_which_the_name_alone_is_known() -> None:
+    for name, law in LAWS.members().items():
+        assert law("tank.outflow").ports == ("tank.outflow",), name
+
+
+def test_a_flow_out_of_a_store_has_another_exponent_where_an_author_says_so() -> None:
+    def equations(m):
+        flow = m.port("tank.outflow", m.p.drain * m.x.level, unit="m3/s")
+        return {"level": (m.u.inflow - flow) / m.p.area}, {"level": m.x.level}
+
+    tank = machine(
+        equations,
+        "level m scale=1 initial=1",
+        "inflow m3/s scale=1e-3",
+        "level m scale=1",
+        "drain m2/s 2e-3, area m2 0.5",
+    )
+    usual = outflow_exponent("tank.outflow").parameters[0].value
+    emptied = tank.with_effect(outflow_exponent("tank.outflow", exponent=-0.5))
+    assert usual == pytest.approx(0.1)
+    # Half an exponent less at a level that is not the typical one, but for what rounds zero.
+    ratio = emptied.rates([0.25], [0.0])[0] / tank.rates([0.25], [0.0])[0]
+    assert ratio == pytest.approx(
+        (0.25 / emptied.parameter("outflow_exponent.level_scale").value) ** -0.5, rel=5e-3
+    )
 
 
 def test_units_divide() -> None:

@@ -34,7 +34,7 @@ end_factor = Law(
 
 
 def _wall(at: Place) -> tuple[Own, ...]:
-    length = at.signals["contraction"]
+    length = at.other("contraction")
     return (
         size_at(at, "force", 0.2, 5.0, "force of the wall at the plateau", signed=True),
         shape("reach", length.unit, 0.3 * length.scale, "contraction that leads to the plateau",

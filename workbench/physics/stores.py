@@ -518,7 +518,7 @@ exchange_with_input = Law(
 
 
 def _of_head(at: Place) -> Own:
-    head = at.signals["head"]
+    head = at.other("head")
     return _typical(head, head.largest)
 
 
@@ -559,7 +559,7 @@ outlet_head = Law(
     # What flows by a difference of temperatures has no pipe that may end below zero.
     each("flow", needs=("head",), only=lambda at: not same_dimension(_head(at).unit, "K")),
     lambda at: (
-        size("height", at.signals["head"].unit, 0.05 * _of_head(at).value, 2.0 * _of_head(at).value,
+        size("height", at.other("head").unit, 0.05 * _of_head(at).value, 2.0 * _of_head(at).value,
              "head of the outlet below the zero of the level", signed=True),
         _of_head(at),
     ),
