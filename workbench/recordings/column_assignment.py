@@ -17,9 +17,7 @@ from workbench.recordings.column_matching import (
     AMBIENT_PA,
     Requested,
     guess_role,
-    in_degrees,
-    in_small_units,
-    in_turns,
+    in_units_asked,
     is_time,
     match_requested,
     without_column,
@@ -53,10 +51,10 @@ class Assigned:
     metadata: dict[str, Scalar]
 
 
-def header_list(columns: Columns) -> list[Header]:
-    """Return the headers taken apart; names that occur twice keep their unit."""
-    headers = [read_header(text) for text in columns.headers]
-    for i, text in enumerate(columns.units):
+def header_list(titles: Sequence[str], units: Sequence[str]) -> list[Header]:
+    """Return headers, with a row of units, taken apart; names that occur twice keep their unit."""
+    headers = [read_header(text) for text in titles]
+    for i, text in enumerate(units):
         unit, reference = read_unit(text) if text else (None, "")
         if unit and headers[i].unit and not same_dimension(unit, headers[i].unit):
             # Below "Channel A" stands that it is in volts.
@@ -363,9 +361,7 @@ def _time(
     return np.arange(len(columns.values), dtype=float) * float(step), row, None
 
 
-def assign(
-    columns: Columns, rules: MappingRules | None = None, requested: Sequence[Requested] = ()
-) -> Assigned:
+def assign(columns: Columns, rules: MappingRules, requested: Sequence[Requested]) -> Assigned:
     """Turn columns into signals.
 
     With rules for signals only those are taken; otherwise the requested ones are found by name and
@@ -375,17 +371,15 @@ def assign(
 
     Example:
         >>> file = Columns(("time_ms", "angle_deg"), ("", ""), np.array([[0.0, 0.0], [2.0, 180.0]]))
-        >>> found = assign(file)
+        >>> found = assign(file, MappingRules(), ())
         >>> found.time, found.signals[0].values
         (array([0.   , 0.002]), array([0.        , 3.14159265]))
     """
-    rules = rules or MappingRules()
     columns = with_whole_stamps(without_marks(without_giants(columns)))
-    columns, headers = _own_units(columns, header_list(columns), rules)
+    columns, headers = _own_units(columns, header_list(columns.headers, columns.units), rules)
     columns, judges = _as_judged(columns, headers)
     metadata: dict[str, Scalar] = {**columns.metadata, **rules.metadata}
-    headers = in_turns(in_degrees(headers, requested), requested)
-    headers = in_small_units(headers, requested)
+    headers = in_units_asked(headers, requested)
     time, time_row, time_index = _time(columns, headers, rules)
     by_name = {w.name: w for w in requested}
     signals: list[Signal] = []

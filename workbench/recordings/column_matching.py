@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from workbench.errors import WorkbenchError
+from workbench.model import Input, Output
 from workbench.model.units import is_known, parse_unit, same_dimension
 from workbench.recordings.headers import DEGREES, TOPIC, Header, is_temperature, read_header
 from workbench.recordings.recording import Role
@@ -65,12 +66,13 @@ class Requested:
     reference: str = ""
 
 
-def _requested(q: Any, role: Role, begins: Mapping[str, float], reference: str) -> Requested:
-    shown = getattr(q, "display_unit", q.unit)
-    shown = "" if shown == q.unit else shown
-    stated, first = getattr(q, "stated", ""), begins.get(q.name, math.nan)
+def _requested(
+    q: Input | Output, role: Role, begins: Mapping[str, float], reference: str
+) -> Requested:
+    shown = "" if q.display_unit == q.unit else q.display_unit
+    first = begins.get(q.name, math.nan)
     counts = _reference(q, first) or reference if same_dimension(q.unit, "Pa") else ""
-    return Requested(q.name, q.unit, role, shown, stated=stated, begins=first, reference=counts)
+    return Requested(q.name, q.unit, role, shown, stated=q.stated, begins=first, reference=counts)
 
 
 AMBIENT_PA = 101325.0
@@ -78,12 +80,11 @@ _ABOUT_PA = 0.05 * AMBIENT_PA
 """Distance from the ambient pressure of what somebody writes for it, such as 1 bar."""
 
 
-def _reference(q: Any, begins: float) -> str:
+def _reference(q: Input | Output, begins: float) -> str:
     """Return from where a plant counts a pressure, by its range and by where it begins."""
-    lower = getattr(q, "lower", -math.inf)
-    if abs(begins - AMBIENT_PA) < _ABOUT_PA or lower > 0.5 * AMBIENT_PA:
+    if abs(begins - AMBIENT_PA) < _ABOUT_PA or q.lower > 0.5 * AMBIENT_PA:
         return "absolute"
-    return "gauge" if -math.inf < lower < 0.0 else ""
+    return "gauge" if -math.inf < q.lower < 0.0 else ""
 
 
 def _at_first(model: Any) -> dict[str, float]:
@@ -266,72 +267,67 @@ def _units_agree(requested: Requested, header: Header) -> bool:
     return not requested.unit or not header.unit or same_dimension(requested.unit, header.unit)
 
 
-def in_degrees(headers: Sequence[Header], requested: Sequence[Requested]) -> list[Header]:
+def in_units_asked(headers: Sequence[Header], requested: Sequence[Requested]) -> list[Header]:
+    """Read units that mean something only beside what is asked for: degrees, turns, nm."""
+    for read in (_in_degrees, _in_turns, _in_small_units):
+        headers = [read(header, headers, requested) for header in headers]
+    return list(headers)
+
+
+def _in_degrees(
+    header: Header, headers: Sequence[Header], requested: Sequence[Requested]
+) -> Header:
     """Read ``oven_C`` and ``oven (F)`` in degrees where that temperature is asked for.
 
     ``T_C`` beside ``T_B`` stays the name that it is, and what is asked for by that name as well.
     """
     asked = {_plain(w.name) for w in requested}
     kelvins = {_plain(w.name) for w in requested if _alike(w.unit, "K")}
-
-    def read(header: Header) -> Header:
-        if header.unit in DEGREES and _plain(header.name) in kelvins:
-            return replace(header, unit=DEGREES[header.unit])
-        found = re.fullmatch(r"(.+?)_(?:deg_?)?([CcF])", header.name)
-        if found is None or header.unit or not kelvins or _plain(header.name) in asked:
-            return header
-        stem = _plain(found[1])
-        beside = any(o is not header and _plain(o.name)[:-1] == stem for o in headers)
-        if beside or not (stem in kelvins or is_temperature(found[1])):
-            return header
-        return replace(header, name=found[1], unit=DEGREES[found[2].upper()])
-
-    return [read(h) for h in headers]
+    if header.unit in DEGREES and _plain(header.name) in kelvins:
+        return replace(header, unit=DEGREES[header.unit])
+    found = re.fullmatch(r"(.+?)_(?:deg_?)?([CcF])", header.name)
+    if found is None or header.unit or not kelvins or _plain(header.name) in asked:
+        return header
+    stem = _plain(found[1])
+    beside = any(o is not header and _plain(o.name)[:-1] == stem for o in headers)
+    if beside or not (stem in kelvins or is_temperature(found[1])):
+        return header
+    return replace(header, name=found[1], unit=DEGREES[found[2].upper()])
 
 
-def in_turns(headers: Sequence[Header], requested: Sequence[Requested]) -> list[Header]:
+def _in_turns(header: Header, _: Sequence[Header], requested: Sequence[Requested]) -> Header:
     """Read ``n [1/min]`` and ``n [Hz]`` in turns, and ``w [1/s]`` in rad/s, where those are asked.
 
     Where something is asked for in 1/s too, such as a rate of growth, they stay what they say.
     """
     asked = [w.unit for w in requested if w.unit]
-    turning = same_dimension("rad/s", *asked)
-    if not turning or same_dimension("1/s", *asked):
-        return list(headers)
-
-    def read(header: Header) -> Header:
-        if not _alike(header.unit, "1/s"):
-            return header
-        told = f"{'turn' if 'Hz' in header.unit else 'rad'} {header.unit}".replace(" 1/", "/")
-        return replace(header, unit="rpm" if "min" in header.unit else told)
-
-    return [read(h) for h in headers]
+    turning = same_dimension("rad/s", *asked) and not same_dimension("1/s", *asked)
+    if not turning or not _alike(header.unit, "1/s"):
+        return header
+    told = f"{'turn' if 'Hz' in header.unit else 'rad'} {header.unit}".replace(" 1/", "/")
+    return replace(header, unit="rpm" if "min" in header.unit else told)
 
 
-def in_small_units(headers: Sequence[Header], requested: Sequence[Requested]) -> list[Header]:
+def _in_small_units(header: Header, _: Sequence[Header], requested: Sequence[Requested]) -> Header:
     """Read ``torque_nm`` in N m where a torque is asked for, ``z_nm`` in nm where a length is.
 
     So ``drive_nN``, ``leak_pA``, ``tip_pm``: what is a unit of that which is asked for by the name
     before it is no part of a name, as of a pressure ``load_pA`` it is.
     """
-    units = {"N m": "N m", "m": "nm"}
-
-    def read(header: Header) -> Header:
-        found = re.fullmatch(r"(.+?)_([np][A-Za-zΩ])", header.name, re.IGNORECASE)
-        if found is None or header.unit:
-            return header
-        stem = Header(header.column, found[1])
-        named = [w for w in requested if _same(w, header) or _same(w, stem)]
-        if found[2].lower() == "nm":
-            meant = {u for w in named or requested for of, u in units.items() if _alike(w.unit, of)}
-        else:
-            meant = {found[2] for w in named if is_known(found[2]) and _alike(w.unit, found[2])}
-        if len(meant) != 1:
-            return header
-        name = header.name if any(_same(w, header) == 2 for w in named) else stem.name
-        return replace(header, name=name, unit=meant.pop())
-
-    return [read(h) for h in headers]
+    found = re.fullmatch(r"(.+?)_([np][A-Za-zΩ])", header.name, re.IGNORECASE)
+    if found is None or header.unit:
+        return header
+    stem = Header(header.column, found[1])
+    named = [w for w in requested if _same(w, header) or _same(w, stem)]
+    if found[2].lower() == "nm":
+        units = {"N m": "N m", "m": "nm"}
+        meant = {u for w in named or requested for of, u in units.items() if _alike(w.unit, of)}
+    else:
+        meant = {found[2] for w in named if is_known(found[2]) and _alike(w.unit, found[2])}
+    if len(meant) != 1:
+        return header
+    name = header.name if any(_same(w, header) == 2 for w in named) else stem.name
+    return replace(header, name=name, unit=meant.pop())
 
 
 def _check_twice(requested: Sequence[Requested], headers: Sequence[Header]) -> None:

@@ -84,7 +84,7 @@ def read_columns(path: str | Path, rules: MappingRules, *, max_rows: int = MAX_R
     except OSError as error:
         raise WorkbenchError(f"{file} cannot be read: {error.strerror or error}") from None
     options = ReadOptions(
-        rules.columns, max_rows, lambda empty: find_time(header_list(empty), rules), rules.words
+        rules.columns, max_rows, lambda *titles: find_time(header_list(*titles), rules), rules.words
     )
     with user_code(f"reading {file.name} as {kind.name}"):
         found = kind.columns(file, options)

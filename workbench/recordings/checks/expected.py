@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -242,8 +242,8 @@ def middle_speed(model: Model) -> float:
 
 def _rate(recording: Recording) -> float | None:
     value = recording.metadata.get("sample_rate_Hz")
-    if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
-        return float(value) if value > 0 else None
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and 0.0 < value < math.inf:
+        return float(value)
     return None
 
 
@@ -292,52 +292,51 @@ def expectations(
         ranges: Plausible ranges by signal, in SI; take precedence over the model's.
         signs: Sign of the response by (cause, response); take precedence over the model's.
     """
-    known: dict[str, tuple[float, float]] = {}
-    scales: dict[str, float] = {}
-    free = model
-    reach: dict[str, tuple[float, float]] = {}
-    believed: frozenset[str] = frozenset()
-    names: tuple[str, ...] | None = None
-    if model is not None:
-        model = model.sized_by(reached(model, [recording]))
-        quantities: tuple[Input | Output, ...] = (*model.inputs, *model.outputs)
-        names = tuple(q.name for q in quantities)
-        *_, C, _ = _at_start(model)
-        told = {model.outputs[i].name for i, k in _read_states(C).items() if model.states[k].sized}
-        believed = frozenset(told | {q.name for q in quantities if q.sized})
-        # What is far from zero at rest, such as an absolute temperature, is of that size.
-        u = model.nominal_input
-        rest = np.abs([*u, *model.read(model.initial_state(), u)])
-        unsized = drifting(model) - believed
-        scales = {
-            q.name: float(np.fmax(q.scale, value if math.isfinite(value) else 0.0))
-            for q, value in zip(quantities, rest, strict=True)
-            if q.name not in unsized
-        }
-        known = _bounds(quantities)
-        read = {y.name for y in model.outputs}.difference(known)
-        reach = {name: ends for name, ends in _bounds(model.states).items() if name in read}
-        # Dry friction holds at rest, and says nothing about a motion.
-        free = model.without(*model.dry_effects)
-        signs = sure_signs(free, recording) if signs is None else signs
-    if required is not None:
-        names = tuple(required)
-    for name in names or ():
+    told = Expected(_required(recording)) if model is None else _of_model(model, recording)
+    names = told.required if required is None else tuple(required)
+    for name in names:
         if name not in recording:
             raise WorkbenchError(
                 f"recording {recording.name!r} has no signal {name!r}; it has "
                 f"{', '.join(recording.names)}"
             )
+    known = told.signs if signs is None else signs
+    return replace(
+        told,
+        required=names,
+        sample_rate_Hz=_rate(recording),
+        ranges={**told.ranges, **(ranges or {})},
+        signs={k: s for k, s in known.items() if k[0] in recording and k[1] in recording},
+    )
+
+
+def _of_model(model: Model, recording: Recording) -> Expected:
+    model = model.sized_by(reached(model, [recording]))
+    quantities: tuple[Input | Output, ...] = (*model.inputs, *model.outputs)
+    *_, C, _ = _at_start(model)
+    told = {model.outputs[i].name for i, k in _read_states(C).items() if model.states[k].sized}
+    believed = frozenset(told | {q.name for q in quantities if q.sized})
+    # What is far from zero at rest, such as an absolute temperature, is of that size.
+    u = model.nominal_input
+    rest = np.abs([*u, *model.read(model.initial_state(), u)])
+    unsized = drifting(model) - believed
+    ranges = _bounds(quantities)
+    read = {y.name for y in model.outputs}.difference(ranges)
+    # Dry friction holds at rest, and says nothing about a motion.
+    free = model.without(*model.dry_effects)
     return Expected(
-        names if names is not None else _required(recording),
-        _rate(recording),
-        {**known, **(ranges or {})},
-        {k: s for k, s in (signs or {}).items() if k[0] in recording and k[1] in recording},
-        scales,
-        math.nan if free is None else middle_speed(free),
-        {} if free is None else acceleration_slopes(free),
-        reach,
-        believed,
-        free is not None and _falls_over(free, recording),
-        *(() if free is None else (partial(moves, free),)),
+        tuple(q.name for q in quantities),
+        ranges=ranges,
+        reach={name: ends for name, ends in _bounds(model.states).items() if name in read},
+        scales={
+            q.name: float(np.fmax(q.scale, value if math.isfinite(value) else 0.0))
+            for q, value in zip(quantities, rest, strict=True)
+            if q.name not in unsized
+        },
+        believed=believed,
+        signs=sure_signs(free, recording),
+        slopes=acceleration_slopes(free),
+        speed=middle_speed(free),
+        unstable=_falls_over(free, recording),
+        moves=partial(moves, free),
     )

@@ -540,8 +540,7 @@ def _read_rows(
         "s" if stamp != NEVER else unit
         for unit, stamp in zip(layout.units or ("",) * layout.width, stamps, strict=True)
     )
-    empty = Columns(headers, units, np.empty((0, layout.width)), named, layout.metadata)
-    time = options.find_time(empty)
+    time = options.find_time(headers, units)
     tally, thinner = _Tally(line=layout.first), Thinner(options.max_rows)
     timeless, backwards, last = 0, 0, -math.inf
     for block in chain([first[layout.first :]], blocks):
@@ -571,7 +570,7 @@ def _read_rows(
     if thinner.factor > 1 and backwards:
         notes.append(f"before averaging, the time stood still or ran backwards {backwards} time(s)")
     start_at_zero(values, stamps)
-    found = replace(empty, values=values, notes=tuple(notes), saved=layout.saved)
+    found = Columns(headers, units, values, named, layout.metadata, tuple(notes), {}, layout.saved)
     return _lift_scalars(found, tally.unreadable)
 
 

@@ -8,20 +8,17 @@ from pathlib import Path
 from workbench.recordings.columns import Columns
 from workbench.recordings.formats.delimited_text import cell_text, read_cells
 from workbench.recordings.formats.format import Format, ReadOptions
-from workbench.recordings.formats.variables import unreadable
+from workbench.recordings.formats.variables import taken_apart
 
 
 def read_excel(path: Path, options: ReadOptions) -> Columns:
     """Read the sheet with the most rows of a workbook; formulas count with the values kept."""
     import openpyxl
 
-    # A damaged archive leads its reader anywhere, so nothing narrower is safe.
-    try:
+    with taken_apart(path, "an Excel workbook"):
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
         sheets = [[[cell_text(v) for v in row] for row in s.values] for s in book.worksheets]
         titles = [s.title for s in book.worksheets]
-    except Exception as error:  # noqa: BLE001
-        raise unreadable(path, error, "an Excel workbook") from None
     rows = max(sheets, key=len, default=[])
     found = read_cells(path, rows, options)
     if len(sheets) > 1:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from workbench.registry import Registry
 
 MAX_ROWS = 2_000_000
 
-FindTime = Callable[[Columns], "int | None"]
+FindTime = Callable[[Sequence[str], Sequence[str]], "int | None"]
 
 
 @dataclass(frozen=True)
@@ -22,13 +22,14 @@ class ReadOptions:
 
     Args:
         max_rows: Largest number of rows kept; a longer file is averaged in groups, with a note.
-        find_time: Returns the index of the time column of columns without values, or None.
+        find_time: Returns the index of the time column, by headers and a row of units; None if
+            there is no such column.
         words: Numbers that words in the cells of a text stand for, dimensionless.
     """
 
     columns: tuple[str, ...] = ()
     max_rows: int = MAX_ROWS
-    find_time: FindTime = lambda columns: None
+    find_time: FindTime = lambda headers, units: None
     words: Mapping[str, float] = field(default_factory=dict)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from workbench.matlab import MAX_DEPTH
 from workbench.recordings.columns import Columns
 from workbench.recordings.formats.format import Format, ReadOptions
-from workbench.recordings.formats.variables import columns_of_variables, unreadable
+from workbench.recordings.formats.variables import columns_of_variables, taken_apart
 
 _UNITS = ("unit", "units", "Unit", "Units")
 
@@ -59,13 +59,9 @@ def read_hdf5(path: Path, options: ReadOptions) -> Columns:
     """
     import h5py
 
-    # HDF5 raises whatever the damaged bytes lead it into, so nothing narrower is safe.
-    try:
-        with h5py.File(path, "r") as file:
-            content = dict(_datasets(file, h5py))
-    except Exception as error:  # noqa: BLE001
-        kind = "a MATLAB file" if path.suffix.lower() == ".mat" else "an HDF5 file"
-        raise unreadable(path, error, kind) from None
+    kind = "a MATLAB file" if path.suffix.lower() == ".mat" else "an HDF5 file"
+    with taken_apart(path, kind), h5py.File(path, "r") as file:
+        content = dict(_datasets(file, h5py))
     return columns_of_variables(path, content, options)
 
 

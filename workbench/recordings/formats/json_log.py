@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from workbench.recordings.columns import Columns
 from workbench.recordings.formats.delimited_text import cell_text, is_number, read_cells
 from workbench.recordings.formats.format import Format, ReadOptions
 from workbench.recordings.formats.instants import NEVER, instant
-from workbench.recordings.formats.variables import flatten, unreadable
+from workbench.recordings.formats.variables import flatten, taken_apart
 
 _MAX_BYTES = 500_000_000
 
@@ -29,16 +30,16 @@ def _load(file: Path) -> Any:
         text = file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise WorkbenchError(f"{file.name} is not a JSON text (it is not UTF-8)") from None
-    try:
-        return json.loads(text)
-    except (json.JSONDecodeError, RecursionError, ValueError) as error:
-        lines = [line for line in text.splitlines() if line.strip()]
-        if len(lines) > 1 and lines[0].lstrip().startswith("{"):
-            try:
-                return [json.loads(line) for line in lines]
-            except (json.JSONDecodeError, RecursionError, ValueError):
-                pass
-        raise unreadable(file, error, "JSON") from None
+    damage = (ValueError, RecursionError)
+    with taken_apart(file, "JSON", damage):
+        try:
+            return json.loads(text)
+        except damage:
+            lines = [line for line in text.splitlines() if line.strip()]
+            if len(lines) > 1 and lines[0].lstrip().startswith("{"):
+                with suppress(*damage):
+                    return [json.loads(line) for line in lines]
+            raise
 
 
 def _entries(content: Any) -> tuple[Sequence[Mapping[str, Any]], dict[str, Any]]:

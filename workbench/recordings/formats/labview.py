@@ -13,7 +13,7 @@ from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns
 from workbench.recordings.formats.delimited_text import line_blocks, read_text, split_line
 from workbench.recordings.formats.format import Format, ReadOptions
-from workbench.recordings.formats.variables import columns_of_variables, in_seconds, unreadable
+from workbench.recordings.formats.variables import columns_of_variables, in_seconds, taken_apart
 
 
 def read_lvm(path: Path, options: ReadOptions) -> Columns:
@@ -42,10 +42,9 @@ def read_lvm(path: Path, options: ReadOptions) -> Columns:
             found, headers=found.headers[1:], units=found.units[1:], values=found.values[:, 1:]
         )
     headers = tuple("time" if h == "X_Value" else h for h in found.headers)
-    empty = Columns(headers, found.units, np.empty((0, len(headers))))
     step = told.get("Delta_X", [""])[0].replace(",", ".")
     metadata = dict(found.metadata)
-    if options.find_time(empty) is None and step:
+    if options.find_time(headers, found.units) is None and step:
         metadata["sample_time_s"] = float(step)
     return replace(found, headers=headers, metadata=metadata)
 
@@ -57,8 +56,7 @@ def read_tdms(path: Path, options: ReadOptions) -> Columns:
     """Read the channels of a TDMS file, with their units, and the time that its waveforms tell."""
     from nptdms import TdmsFile
 
-    # A damaged file leads its reader anywhere, so nothing narrower is safe.
-    try:
+    with taken_apart(path, "a TDMS file"):
         file = TdmsFile.read(path)
         channels = [c for group in file.groups() for c in group.channels()]
         content: dict[str, Any] = {
@@ -71,13 +69,10 @@ def read_tdms(path: Path, options: ReadOptions) -> Columns:
             unit = str(c.properties.get("unit_string", "")).strip()
             title, values = in_seconds(name, np.asarray(c[:]))
             content[f"{name} [{unit}]" if unit and title == name else title] = values
-    except Exception as error:  # noqa: BLE001
-        raise unreadable(path, error, "a TDMS file") from None
     if longest is None:
         raise WorkbenchError(f"{path.name} holds no channels")
     step = longest.properties.get("wf_increment", 0.0)
-    empty = Columns(tuple(content), ("",) * len(content), np.empty((0, len(content))))
-    if step and options.find_time(empty) is None:
+    if step and options.find_time(tuple(content), ()) is None:
         content = {"time [s]": step * np.arange(len(longest))} | content
     return columns_of_variables(path, content, options)
 

@@ -12,26 +12,21 @@ from workbench.octave import MARK, parse_octave_text
 from workbench.recordings.columns import Columns
 from workbench.recordings.formats.format import Format, ReadOptions
 from workbench.recordings.formats.hdf5 import is_hdf5
-from workbench.recordings.formats.variables import columns_of_variables, unreadable
+from workbench.recordings.formats.variables import columns_of_variables, taken_apart
 
 
 def read_mat_5(path: Path, options: ReadOptions) -> Columns:
     """Read a MATLAB file of version 5, see `columns_of_variables`."""
     content = path.read_bytes()
-    # A damaged size may lead anywhere, memory included, so nothing narrower is safe.
-    try:
+    with taken_apart(path, "a MATLAB file"):
         variables = parse_mat5(content)
-    except Exception as error:  # noqa: BLE001
-        raise unreadable(path, error, "a MATLAB file") from None
     return columns_of_variables(path, variables, options)
 
 
 def read_octave_text(path: Path, options: ReadOptions) -> Columns:
     """Read a text that Octave saved, see `columns_of_variables`."""
-    try:
+    with taken_apart(path, "a text of Octave", (ValueError,)):
         variables = parse_octave_text(path.read_text(encoding="utf-8", errors="replace"))
-    except ValueError as error:
-        raise unreadable(path, error, "a text of Octave") from None
     return columns_of_variables(path, variables, options)
 
 

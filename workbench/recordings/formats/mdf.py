@@ -10,19 +10,15 @@ import numpy as np
 from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns
 from workbench.recordings.formats.format import Format, ReadOptions
-from workbench.recordings.formats.variables import columns_of_variables, unreadable
+from workbench.recordings.formats.variables import columns_of_variables, taken_apart
 
 
 def read_mdf(path: Path, options: ReadOptions) -> Columns:
     """Read the channels of an MDF file, with their units, at the instants of the longest one."""
     from asammdf import MDF
 
-    # A damaged file leads its reader anywhere, so nothing narrower is safe.
-    try:
-        with MDF(path) as file:
-            channels = [c for c in file.iter_channels() if c.samples.dtype.kind in "fiub"]
-    except Exception as error:  # noqa: BLE001
-        raise unreadable(path, error, "an MDF file") from None
+    with taken_apart(path, "an MDF file"), MDF(path) as file:
+        channels = [c for c in file.iter_channels() if c.samples.dtype.kind in "fiub"]
     longest = max(channels, key=len, default=None)
     if longest is None:
         raise WorkbenchError(f"{path.name} holds no channels")

@@ -11,7 +11,7 @@ import numpy as np
 from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns, Thinner
 from workbench.recordings.formats.format import Format, ReadOptions
-from workbench.recordings.formats.variables import unreadable
+from workbench.recordings.formats.variables import taken_apart
 from workbench.recordings.recording import Scalar
 
 
@@ -21,7 +21,8 @@ def read_parquet(path: Path, options: ReadOptions) -> Columns:
     import pyarrow.parquet
 
     numeric = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean)
-    try:
+    # pyarrow raises OSError, its own errors or ValueError on damaged files.
+    with taken_apart(path, "a Parquet file", (OSError, ValueError, pa.ArrowException)):
         source = pa.parquet.ParquetFile(path)
         schema = source.schema_arrow
         names = [f.name for f in schema if any(test(f.type) for test in numeric)]
@@ -45,9 +46,6 @@ def read_parquet(path: Path, options: ReadOptions) -> Columns:
             if cells:
                 thinner.add(np.column_stack(cells).astype(float))
         metadata = _metadata(schema)
-    # pyarrow raises OSError, its own errors or ValueError on damaged files.
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise unreadable(path, error, "a Parquet file") from None
     values = thinner.rows()
     if not (names or stamps or spans) or len(values) == 0:
         raise WorkbenchError(f"{path.name} holds no columns of numbers")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +21,24 @@ _MAX_LISTED_ITEMS = 1000
 _MAX_LISTED = 16
 
 
-def unreadable(path: Path, error: Exception, kind: str) -> WorkbenchError:
-    """Return the sentence for a file that cannot be taken apart."""
-    reason = " ".join(str(error).split())[:120] or type(error).__name__
-    return WorkbenchError(
-        f"{path.name} is truncated or not {kind} ({reason}); save or copy it again"
-    )
+@contextmanager
+def taken_apart(
+    path: Path, kind: str, damage: tuple[type[Exception], ...] = (Exception,)
+) -> Iterator[None]:
+    """Say in a sentence that a file cannot be taken apart.
+
+    Args:
+        kind: What the file is meant to be, such as ``a MATLAB file``.
+        damage: What its reader raises then; by default anything, because damaged bytes may lead a
+            reader anywhere.
+    """
+    try:
+        yield
+    except damage as error:
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
+        raise WorkbenchError(
+            f"{path.name} is truncated or not {kind} ({reason}); save or copy it again"
+        ) from None
 
 
 def flatten(name: str, value: Any, out: dict[str, Any], depth: int = 0) -> None:
@@ -98,8 +111,7 @@ def _with_time(flat: dict[str, Any], options: ReadOptions) -> dict[str, Any]:
         for name, value in flat.items()
         if isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "fiu"
     }
-    empty = Columns(tuple(flat), ("",) * len(flat), np.empty((0, len(flat))))
-    if len(tables) < 2 or options.find_time(empty) is not None:
+    if len(tables) < 2 or options.find_time(tuple(flat), ()) is not None:
         return flat
     first, *others = [table[:, 0] for table in tables.values()]
     if not all(np.array_equal(first, other) for other in others) or np.any(np.diff(first) <= 0.0):
@@ -109,8 +121,7 @@ def _with_time(flat: dict[str, Any], options: ReadOptions) -> dict[str, Any]:
 
 def _time_base(vectors: Mapping[str, Vector], options: ReadOptions) -> int:
     """Return the length of the columns: that of the time, or the most frequent one."""
-    empty = Columns(tuple(vectors), ("",) * len(vectors), np.empty((0, len(vectors))))
-    index = options.find_time(empty)
+    index = options.find_time(tuple(vectors), ())
     if index is not None:
         return len(list(vectors.values())[index])
     lengths = [len(v) for v in vectors.values()]
