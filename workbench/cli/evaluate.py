@@ -140,10 +140,9 @@ def foreign(campaign: Campaign, *, count: Positive = 60, seeds: int | None = Non
         count: Cases of the plan.
         seeds: Seed of the first case.
     """
-    from workbench.evaluation.foreign.foreign_case import FIRST_SEED, answer, line_of, plan
+    from workbench.evaluation.foreign.foreign_case import answer, line_of, plan
 
-    first = FIRST_SEED if seeds is None else seeds
-    campaign.run(plan(count, first), answer, line_of)
+    campaign.run(plan(count, seeds), answer, line_of)
 
 
 @with_campaign

@@ -25,8 +25,8 @@ from workbench.model import Model
 from workbench.model.units import from_si, in_time, of_difference, to_si, with_unit
 from workbench.recordings.checks.check import MAX_EXCLUDED, Finding
 from workbench.recordings.checks.expected import expectations, reached
+from workbench.recordings.checks.quantisation import MIN_LEVELS
 from workbench.recordings.checks.report import CheckReport, check_recording, check_row
-from workbench.recordings.checks.stuck import MIN_LEVELS
 from workbench.recordings.checks.time_base import check_time_base
 from workbench.recordings.checks.units import check_units
 from workbench.recordings.recording import Recording

@@ -95,7 +95,7 @@ _VERDICT = TableShape(
 
 def answer_of(data: Mapping[str, Any], case: str, names: Names) -> Answer:
     """Return what the content of a ``verdict.json`` claims."""
-    data = upgraded(data) if data else data
+    data = upgraded(data)
     findings = []
     for finding in data.get("findings") or ():
         effect = finding.get("effect")
@@ -104,40 +104,40 @@ def answer_of(data: Mapping[str, Any], case: str, names: Names) -> Answer:
         members = tuple(dict.fromkeys((effect, *alike))) if named else ()
         groups = tuple(dict.fromkeys(names.group(port) for port in finding.get("where") or ()))
         findings.append((members, groups))
-    held_out = (data.get("fit") or {}).get("held_out") or {}
-    extended = held_out.get("extended") or {}
-    return Answer(
-        case,
-        data["verdict"],
-        tuple(findings),
-        error_ratio(extended, held_out.get("refitted") or {}) < 1.0,
-        error_ratio(extended, held_out.get("noise_floor") or {}),
-    )
+    better = over_limit(data, held_out(data, "refitted")) < 1.0
+    over_noise = over_limit(data, held_out(data, "noise_floor"))
+    return Answer(case, data["verdict"], tuple(findings), better, over_noise)
 
 
 LARGEST_RATIO = 1.5
 """Held-out error over that of the true model which still counts as within the noise."""
 
 
-def error_ratio(above: Mapping[str, Any], below: Mapping[str, Any]) -> float:
-    """Return the ratio of errors, root mean square over the outputs; NaN if there are none."""
+def over_limit(verdict: Mapping[str, Any], limit: Mapping[str, float]) -> float:
+    """Return the held-out error of a verdict's model over a limit; NaN if it has none.
+
+    Args:
+        limit: Error of the true model by output, root mean square in SI.
+
+    Returns:
+        The ratio, root mean square over the outputs.
+    """
     ratios = [
-        float(value) / float(below[name])
-        for name, value in above.items()
-        if value is not None and below.get(name)
+        float(value) / float(limit[name])
+        for name, value in held_out(verdict, "extended").items()
+        if value is not None and limit.get(name)
     ]
     with np.errstate(over="ignore", invalid="ignore"):
         return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else math.nan
 
 
-def over_limit(verdict: Mapping[str, Any], limit: Mapping[str, float]) -> float:
-    """Return the held-out error of a verdict's model over a limit, a ratio; NaN if it has none.
+def held_out(verdict: Mapping[str, Any], whose: str) -> Mapping[str, float]:
+    """Return held-out errors that a verdict gives, in SI by output; nothing if it gives none.
 
     Args:
-        limit: Error of the true model by output, root mean square in SI.
+        whose: ``refitted``, ``extended`` or ``noise_floor``.
     """
-    held_out = (verdict.get("fit") or {}).get("held_out") or {}
-    return error_ratio(held_out.get("extended") or {}, limit)
+    return ((verdict.get("fit") or {}).get("held_out") or {}).get(whose) or {}
 
 
 def names_of(verdict: Mapping[str, Any]) -> list[str]:

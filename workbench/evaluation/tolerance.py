@@ -136,9 +136,8 @@ def measured(time: Vector, angle: Vector, valve: Vector, signal: Steps) -> dict[
         valve: Command, shape (n,), in V.
     """
     steps = step_responses("angle", time, angle, signal.changes)
-    rests = [
-        (time[part.part], angle[part.part], part.final) for part in each_step(time, signal.changes)
-    ]
+    parts = each_step(time, signal.changes)
+    rests = [(time[p.part], angle[p.part], p.final) for p in parts]
     sizes = [d.step for d in tolerant_study().demands if d.step is not None]
     return {
         "settling_time": [
@@ -151,9 +150,7 @@ def measured(time: Vector, angle: Vector, valve: Vector, signal: Steps) -> dict[
         "steady_error": [steady_error(t, end - y, window=0.4).value for t, y, end in rests],
         "stop_impacts": float(np.any(angle < 0.0) or np.any(angle > math.radians(60.0))),
         "chatter": variation_rate(time, valve).value,
-        "valve_at_rest": max(
-            float(np.std(valve[part.part][-REST:])) for part in each_step(time, signal.changes)
-        ),
+        "valve_at_rest": max(float(np.std(valve[p.part][-REST:])) for p in parts),
     }
 
 

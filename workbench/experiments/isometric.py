@@ -96,7 +96,6 @@ def isometric_experiment(
     model = pneumatic_muscle(force_law)
     values = {q.name: q.value for q in model.parameters}
     count = round(ramp_time / _STEP) + 1
-    rng = np.random.default_rng(seed)
     tables = []
     for contraction in contractions:
         check_range("contraction", contraction, -1e-3, 35e-3, "m", fix="1 mm is 0.001 m")
@@ -107,7 +106,7 @@ def isometric_experiment(
         inputs = np.tile([length, 0.0, mass / ramp_time], (count, 1))
         run = simulate(model, inputs, sample_time=_STEP, start=x0)
         tables.append((run["pressure"], np.full(count, contraction), run["force"]))
-    return _record(tables, rng, noise, "one muscle, filled at constant length")
+    return _record(tables, seed, noise, "one muscle, filled at constant length")
 
 
 def isometric_experiment_on_arm(
@@ -146,7 +145,6 @@ def isometric_experiment_on_arm(
     geometry = ArmGeometry()
     ambient = values["ambient_pressure"]
     count = round(ramp_time / _STEP) + 1
-    rng = np.random.default_rng(seed)
     tables = []
     for stop in stop_angles:
         check_range("stop angle", stop, 0.0, TRAVEL, "rad", fix="30 deg is 0.524 rad")
@@ -164,12 +162,13 @@ def isometric_experiment_on_arm(
         force = run["load_cell"] * values["load_cell_arm"] / lever
         settled = run.time > 0.1 * ramp_time
         tables.append((run["pressure_2"][settled], contraction[settled], force[settled]))
-    return _record(tables, rng, noise, "muscle 2 of the arm on its lower stop")
+    return _record(tables, seed, noise, "muscle 2 of the arm on its lower stop")
 
 
 def _record(
-    tables: list[tuple[Vector, Vector, Vector]], rng: np.random.Generator, noise: float, source: str
+    tables: list[tuple[Vector, Vector, Vector]], seed: int, noise: float, source: str
 ) -> IsometricRecord:
+    rng = np.random.default_rng(seed)
     pressure, contraction, force = (
         np.concatenate(columns) for columns in zip(*tables, strict=True)
     )

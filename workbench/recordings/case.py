@@ -311,9 +311,8 @@ def read_case(folder: str | Path, *, mapping: MappingLike = None, data: Path | N
         uses[name] = entry["use"]
         if "plant" in entry:
             loops[name] = PLANTS.get(entry["plant"], folder=path)
-    if "recordings" not in settings:
-        standard = [r for r in ROLES if r in recordings]
-        notes = [f"{r} is missing" for r in ROLES if r not in recordings] if standard else []
+    if "recordings" not in settings and not recordings.keys().isdisjoint(ROLES):
+        notes = [f"{r} is missing" for r in ROLES if r not in recordings]
     if "hold_out" not in uses.values():
         notes.append("nothing is held out, so no claim can be proved")
     changes: dict[str, Any] = {k: tuple(settings[k]) for k in _CHANGES if k in settings}

@@ -52,18 +52,6 @@ class ColumnRule:
     role: Role | str = ""
     reference: str = ""
 
-    def __post_init__(self) -> None:
-        given = {key: getattr(self, key) for key in _COLUMN.usual}
-        try:
-            _COLUMN({key: value for key, value in given.items() if value != ""}, (self.signal,))
-        except ShapeError as error:
-            raise WorkbenchError(f"the mapping: {error}") from None
-        if self.factor == 0.0:
-            raise WorkbenchError(
-                f"factor of signal {self.signal!r} in the mapping is 0; it must not be"
-            )
-        refuse_slips(self.unit)
-
 
 @dataclass(frozen=True)
 class MappingRules:
@@ -166,13 +154,15 @@ _MAPPING = TableShape(
 def _rule(
     units: Mapping[str, tuple[float, str]], signal: str, entry: Mapping[str, Any]
 ) -> ColumnRule:
-    values = {"column": signal, **entry}
+    values = {"column": signal, "unit": "", "factor": 1.0, "offset": 0.0, **entry}
     if not values["column"]:
         raise WorkbenchError(f"the mapping names no column for signal {signal!r}")
-    size, values["unit"] = units.get(values.get("unit", ""), (1.0, values.get("unit", "")))
-    for key, usual in (("factor", 1.0), ("offset", 0.0)):
-        values[key] = size * values.get(key, usual)
-    return ColumnRule(signal, **values)
+    if not values["factor"]:
+        raise WorkbenchError(f"factor of signal {signal!r} in the mapping is 0; it must not be")
+    size, unit = units.get(values["unit"], (1.0, values["unit"]))
+    refuse_slips(unit)
+    scaled = {key: size * values[key] for key in ("factor", "offset")}
+    return ColumnRule(signal, **values | scaled | {"unit": unit})
 
 
 def rules_from(

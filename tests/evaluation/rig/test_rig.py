@@ -17,8 +17,8 @@ PULSES = np.repeat([5.8, 4.3], 50)
 
 
 def start(p: dict[str, float]) -> np.ndarray:
-    x = plant.initial(20.0, (2.0, 4.0), p, spool=0.4)
-    x[1] = 0.3
+    x = plant.initial(20.0, (2.0, 4.0), p)
+    x[plant.INDEX["spool"]], x[1] = 0.4, 0.3
     return x
 
 
@@ -113,10 +113,10 @@ def test_routes_agree(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     p = nominal() if name == "none" else parameters.switch_on(nominal(), [name])
     x, per = start(p), 10
     u = np.repeat(PULSES, per)
-    _, compiled = plant.run(p, x, u[:200])
+    _, compiled = plant.run(p, x, u[:200], step=2e-4, keep=per)
     with monkeypatch.context() as patch:
         patch.setattr(plant, "_library", lambda: None)
-        _, again = plant.run(p, x, u[:200])
+        _, again = plant.run(p, x, u[:200], step=2e-4, keep=per)
     # the same arithmetic without `rig.c`: rounding only
     assert compiled == pytest.approx(again, rel=1e-10, abs=1e-13)
     if name in ("none", "hysteresis_maxwell", "tendon", "lugre", "line", "supply_droop"):

@@ -19,13 +19,14 @@ from workbench.errors import WorkbenchError
 from workbench.evaluation.answer_key import NOTHING
 from workbench.evaluation.blind_round import (
     RoundScore,
+    held_out,
     names_of,
     over_limit,
     score_verdicts,
     verdict_file,
 )
 from workbench.evaluation.own_cases.own_case import limited_errors, made
-from workbench.evaluation.own_cases.plan import FIRST_SEED, Planned, plan
+from workbench.evaluation.own_cases.plan import Planned, plan
 from workbench.files import write_whole
 from workbench.physics.library import every_name
 from workbench.plants.arm import arm
@@ -42,12 +43,12 @@ def write_cases(out: Path, count: int, first_seed: int | None = None) -> Iterato
     held-out recordings, in SI by output.
 
     Args:
-        first_seed: Seed of the first case, a multiple of 1000; None for that of the plan.
+        first_seed: Seed of the first case; None for that of the plan.
     """
     if (out / KEY).exists():
         raise WorkbenchError(f"{out} holds a benchmark already; give the name of another folder")
     answers: dict[str, Any] = {}
-    for case in plan(FIRST_SEED if first_seed is None else first_seed)[:count]:
+    for case in plan(first_seed)[:count]:
         folder = made(case, out / case.name)
         answers[case.name] = _truth_of(case, folder)
         (folder / "truth.json").unlink()
@@ -114,10 +115,10 @@ def compared(cases: Path, verdicts: Sequence[Path]) -> tuple[Scored, ...]:
 
 
 def _over(verdicts: Mapping[str, Mapping[str, Any]], limits: Mapping[str, Any]) -> float:
-    ratios = []
-    for case, verdict in verdicts.items():
-        held_out = (verdict.get("fit") or {}).get("held_out") or {}
-        ratios.append(over_limit(verdict, limits.get(case) or held_out.get("noise_floor") or {}))
+    ratios = [
+        over_limit(verdict, limits.get(case) or held_out(verdict, "noise_floor"))
+        for case, verdict in verdicts.items()
+    ]
     known = [ratio for ratio in ratios if math.isfinite(ratio)]
     return float(np.median(known)) if known else math.nan
 

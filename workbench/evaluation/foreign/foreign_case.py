@@ -134,15 +134,18 @@ def synonyms() -> dict[str, tuple[str, ...]]:
     return {word: tuple(starts) for word, starts in tomllib.loads(text)["physics"].items()}
 
 
-def plan(count: int, first_seed: int = FIRST_SEED) -> tuple[Case, ...]:
+def plan(count: int, first_seed: int | None = None) -> tuple[Case, ...]:
     """Return the first cases of a plan; any beginning is a fair sample.
 
     The machines take turns. Every fourth case of a machine hides nothing; the others hide its
     effects in an order of their own, every fifth of them two at once.
+
+    Args:
+        first_seed: Seed of the first case; None for `FIRST_SEED`.
     """
-    cases = []
+    first, cases = FIRST_SEED if first_seed is None else first_seed, []
     orders = [
-        np.random.default_rng([first_seed, i]).permutation(len(machine.concealed)).tolist()
+        np.random.default_rng([first, i]).permutation(len(machine.concealed)).tolist()
         for i, (machine, _) in enumerate(MACHINES)
     ]
     for k in range(count):
@@ -155,7 +158,7 @@ def plan(count: int, first_seed: int = FIRST_SEED) -> tuple[Case, ...]:
             if done % _PAIR_EVERY == _PAIR_EVERY - 1:
                 picked.append(orders[i][(done + 3) % len(orders[i])])
             hidden = tuple(machine.concealed[j] for j in picked)
-        cases.append(Case(first_seed + k, machine, build, hidden))
+        cases.append(Case(first + k, machine, build, hidden))
     return tuple(cases)
 
 

@@ -250,11 +250,11 @@ class Sensor:
         whole = math.floor(self._late)
         one, two = (self._past[max(0, len(self._past) - 1 - whole - k)] for k in (0, 1))
         value = self._gain * (one + (self._late - whole) * (two - one)) + self._offset
-        if self._rng is None:
-            return min(value, self._top) if self._top > 0.0 else value
-        value += self.channel.noise * self._rng.standard_normal()
+        if self._rng is not None:
+            value += self.channel.noise * self._rng.standard_normal()
         value = min(value, self._top) if self._top > 0.0 else value
-        return round(value / self.channel.step) * self.channel.step if self.channel.step else value
+        step = self.channel.step if self._rng is not None else 0.0
+        return round(value / step) * step if step else value
 
 
 def _pulses(

@@ -5,44 +5,29 @@ from __future__ import annotations
 import casadi as ca
 
 from workbench.model import Input, Model, Output, Parameter, Scope, State
-from workbench.model.regularisation import sqrt
+from workbench.model.regularisation import Expression, sqrt
 from workbench.model.trace import Equations
 
 
 def _drive(m: Scope) -> Equations:
     x, p = m.x, m.p
+    twisting = x.motor_speed - x.load_speed
+
+    def torque(name: str, value: Expression, **signals: Expression) -> Expression:
+        return m.port(name, value, unit="N m", signals=signals, disturbance=0.05)
+
     voltage = m.port("motor.voltage", m.u.voltage, unit="V", scale=5.0, disturbance=0.2)
-    shaft = m.port(
-        "shaft.torque",
-        p.stiffness * x.twist + p.shaft_damping * (x.motor_speed - x.load_speed),
-        unit="N m",
-        signals={"twist": x.twist, "speed": x.motor_speed - x.load_speed},
-        disturbance=0.05,
-    )
-    motor = m.port(
-        "motor.torque",
-        p.gain * voltage - p.motor_drag * x.motor_speed - shaft,
-        unit="N m",
-        signals={"speed": x.motor_speed},
-        disturbance=0.05,
-    )
-    load = m.port(
-        "load.torque",
-        shaft - p.load_drag * x.load_speed,
-        unit="N m",
-        signals={"speed": x.load_speed},
-        disturbance=0.05,
-    )
+    wound = p.stiffness * x.twist + p.shaft_damping * twisting
+    shaft = torque("shaft.torque", wound, twist=x.twist, speed=twisting)
+    driven = p.gain * voltage - p.motor_drag * x.motor_speed - shaft
+    motor = torque("motor.torque", driven, speed=x.motor_speed)
+    load = torque("load.torque", shaft - p.load_drag * x.load_speed, speed=x.load_speed)
     rates = {
-        "twist": x.motor_speed - x.load_speed,
+        "twist": twisting,
         "motor_speed": motor / p.motor_inertia,
         "load_speed": load / p.load_inertia,
     }
-    measurements = {
-        name: m.port(f"{name}.reading", x[name], unit="rad/s", scale=20.0)
-        for name in ("motor_speed", "load_speed")
-    }
-    return rates, measurements
+    return rates, {"motor_speed": x.motor_speed, "load_speed": x.load_speed}
 
 
 def drive() -> Model:
@@ -91,12 +76,8 @@ def _circuit(m: Scope) -> Equations:
         signals={"voltage": x.voltage},
         disturbance=0.01,
     )
-    current = m.port("current.reading", x.current, unit="A", scale=0.5)
-    voltage = m.port("voltage.reading", x.voltage, unit="V", scale=5.0)
-    return (
-        {"current": coil / p.inductance, "voltage": charging / p.capacitance},
-        {"current": current, "voltage": voltage},
-    )
+    rates = {"current": coil / p.inductance, "voltage": charging / p.capacitance}
+    return rates, {"current": x.current, "voltage": x.voltage}
 
 
 def circuit() -> Model:
@@ -118,24 +99,20 @@ def circuit() -> Model:
     )
 
 
+GRAVITY = 9.81
 HEAT, COLD, ROOM = 4.18e6, 288.0, 293.0
 
 
 def _tank(m: Scope) -> Equations:
     level, temperature, p = m.x.level, m.x.temperature, m.p
     signals = {"level": level, "temperature": temperature}
+
+    def flow(name: str, value: Expression) -> Expression:
+        return m.port(name, value, unit="m3/s", scale=1e-5, signals=signals, disturbance=2e-7)
+
     pump = m.port("pump.voltage", m.u.pump, unit="V", scale=5.0, disturbance=0.1)
-    inflow = m.port(
-        "tank.inflow", p.pump * pump, unit="m3/s", scale=1e-5, signals=signals, disturbance=2e-7
-    )
-    outflow = m.port(
-        "tank.outflow",
-        p.hole * sqrt(2 * 9.81 * m.form.ramp(level, 1e-3)),
-        unit="m3/s",
-        scale=1e-5,
-        signals=signals,
-        disturbance=2e-7,
-    )
+    inflow = flow("tank.inflow", p.pump * pump)
+    outflow = flow("tank.outflow", p.hole * sqrt(2 * GRAVITY * m.form.ramp(level, 1e-3)))
     power = m.port("heater.power", m.u.heater, unit="W", scale=1000.0, disturbance=20.0)
     heat = m.port(
         "water.heat",
@@ -149,11 +126,7 @@ def _tank(m: Scope) -> Equations:
         "level": (inflow - outflow) / p.area,
         "temperature": heat / (HEAT * p.area * m.form.ramp(level, 1e-3)),
     }
-    measurements = {
-        "level": m.port("level.reading", level, unit="m", scale=0.2),
-        "temperature": m.port("temperature.reading", temperature, unit="K", scale=20.0),
-    }
-    return rates, measurements
+    return rates, {"level": level, "temperature": temperature}
 
 
 def tank() -> Model:
@@ -179,9 +152,6 @@ def tank() -> Model:
     )
 
 
-GRAVITY = 9.81
-
-
 def _crane(m: Scope) -> Equations:
     x, p = m.x, m.p
     s, c = ca.sin(x.angle), ca.cos(x.angle)
@@ -205,14 +175,8 @@ def _crane(m: Scope) -> Equations:
     pushed = force + p.load * p.length * x.turn**2 * s - c * pivot / p.length
     acceleration = pushed / (p.cart + p.load * s**2)
     turning = pivot / (p.load * p.length**2) - acceleration * c / p.length
-    rates = {
-        "position": x.speed, "speed": acceleration, "angle": x.turn, "turn": turning,
-    }  # fmt: skip
-    measurements = {
-        "position": m.port("position.reading", x.position, unit="m", scale=0.5),
-        "angle": m.port("angle.reading", x.angle, unit="rad", scale=0.2),
-    }
-    return rates, measurements
+    rates = {"position": x.speed, "speed": acceleration, "angle": x.turn, "turn": turning}
+    return rates, {"position": x.position, "angle": x.angle}
 
 
 def crane() -> Model:

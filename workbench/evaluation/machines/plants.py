@@ -23,8 +23,7 @@ def _axis(m: Scope, drive: Expression) -> Equations:
         signals={"position": m.x.position, "speed": m.x.speed},
         disturbance=5.0,
     )
-    measurement = m.port("position.reading", m.x.position, unit="m", scale=0.1)
-    return {"position": m.x.speed, "speed": force / m.p.mass}, {"position": measurement}
+    return {"position": m.x.speed, "speed": force / m.p.mass}, {"position": m.x.position}
 
 
 def _axis_in_loop(m: Scope) -> Equations:
@@ -67,8 +66,7 @@ def _tanks(m: Scope) -> Equations:
     drained = flow("upper.outflow", p.upper_drain * sqrt(m.form.ramp(upper, 0.01)))
     gained = flow("lower.inflow", drained)
     left = flow("lower.outflow", p.lower_drain * sqrt(m.form.ramp(lower, 0.01)))
-    measurement = m.port("level.reading", lower, unit="V", scale=5.0)
-    return {"upper_level": pumped - drained, "lower_level": gained - left}, {"level": measurement}
+    return {"upper_level": pumped - drained, "lower_level": gained - left}, {"level": lower}
 
 
 def tanks() -> Model:
@@ -99,10 +97,7 @@ def _piston(m: Scope) -> Equations:
         signals={"position": m.x.position, "speed": m.u.speed, "pressure": m.u.pressure},
         disturbance=2.0,
     )
-    return (
-        {"position": m.u.speed, "cell": (pushed - m.x.cell) / 0.02},
-        {"force": m.port("force.reading", m.x.cell, unit="N", scale=100.0)},
-    )
+    return {"position": m.u.speed, "cell": (pushed - m.x.cell) / 0.02}, {"force": m.x.cell}
 
 
 def piston() -> Model:
@@ -139,10 +134,7 @@ def _muscle(m: Scope) -> Equations:
         disturbance=20.0,
     )
     pulled = m.form.ramp(tension, 1.0)
-    return (
-        {"cell": (pulled - m.x.cell) / 0.01},
-        {"force": m.port("force.reading", m.x.cell, unit="N", scale=500.0)},
-    )
+    return {"cell": (pulled - m.x.cell) / 0.01}, {"force": m.x.cell}
 
 
 def muscle(length: float = 0.3, radius: float = 0.01) -> Model:

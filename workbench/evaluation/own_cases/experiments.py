@@ -69,11 +69,11 @@ SECONDS = 10.0
 """Length of the recordings that there are before the experiment, s."""
 
 
-def poor_cases(first_seed: int = FIRST_SEED) -> tuple[Planned, ...]:
+def poor_cases(first_seed: int | None = None) -> tuple[Planned, ...]:
     """Return cases of effects that something resembles, recorded along slow sines in the loop."""
     single = {
         c.effects[0]: c
-        for c in plan(first_seed)
+        for c in plan(FIRST_SEED if first_seed is None else first_seed)
         if c.kind == "single" and c.factor == 1.0 and "pressure_noise_time" not in c.changes
     }
     return tuple(replace(single[name], recorded="narrow") for name in POORLY_SEEN)
@@ -94,7 +94,7 @@ def run_experiments(
     Yields one line per case, then the table; answers are kept as `answered` keeps them, and those
     of other parts count too.
     """
-    cases = poor_cases(FIRST_SEED if first_seed is None else first_seed)
+    cases = poor_cases(first_seed)
     for case in chosen_cases(cases, part, only):
         if sum("after" in row for row in _kept(cases, out)) >= count:
             break

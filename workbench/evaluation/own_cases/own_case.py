@@ -14,7 +14,7 @@ from workbench.arrays import Vector
 from workbench.diagnosis.stages import Diagnosis
 from workbench.evaluation.benchmark.baselines import answers
 from workbench.evaluation.kept_answers import diagnosed, version
-from workbench.evaluation.own_cases.plan import FIRST_SEED, Planned, plan
+from workbench.evaluation.own_cases.plan import Planned, plan
 from workbench.evaluation.own_cases.statistics import ANSWERERS
 from workbench.evaluation.rig import plant, simulate
 from workbench.evaluation.rig.cases import make_case
@@ -93,13 +93,8 @@ def made(case: Planned, folder: Path, *, seconds: float = 20.0) -> Path:
 def cases(
     count: int | None, first_seed: int | None, only: Sequence[str] = ()
 ) -> tuple[Planned, ...]:
-    """Return the first cases of the plan, all of it without a count or where some are named.
-
-    Args:
-        first_seed: Seed of the first case; None for that of the plan.
-    """
-    planned = plan(FIRST_SEED if first_seed is None else first_seed)
-    return planned if only else planned[:count]
+    """Return the first cases of the plan, all of it without a count or where some are named."""
+    return plan(first_seed)[: None if only else count]
 
 
 def line_of(row: Mapping[str, Any]) -> str:

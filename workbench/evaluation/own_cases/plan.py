@@ -156,13 +156,17 @@ _NOTHING = 12
 """Cases of each turn that hide nothing."""
 
 
-def plan(first_seed: int = FIRST_SEED) -> tuple[Planned, ...]:
+def plan(first_seed: int | None = None) -> tuple[Planned, ...]:
     """Return three turns of cases, each determined by its seed, in the order in which they are run.
 
     Each turn has every single effect at one size, some of the pairs, triples and effects outside
     the library, some special cases and one in six with nothing hidden, spread so that any
-    beginning of the plan is a fair sample. The seed of the first case is a multiple of 1000.
+    beginning of the plan is a fair sample.
+
+    Args:
+        first_seed: Seed of the first case, a multiple of 1000; None for `FIRST_SEED`.
     """
+    first = FIRST_SEED if first_seed is None else first_seed
     cases: list[Planned] = []
     for turn, factor in enumerate(FACTORS):
         single = [name for name in SINGLE if turn == 0 or name in SIZES or name == "wrong_load"]
@@ -176,10 +180,10 @@ def plan(first_seed: int = FIRST_SEED) -> tuple[Planned, ...]:
         nothing = [_Item((), "nothing", noise=noise) for noise in noises]
         placed = 0
         for k, item in enumerate(_spread(hidden)):
-            cases.append(_planned(first_seed, len(cases), item, factor))
+            cases.append(_planned(first, len(cases), item, factor))
             if (k + 1) * _NOTHING >= (placed + 1) * len(hidden):
                 even = placed % 2 == 0
-                cases.append(_planned(first_seed, len(cases), nothing[placed], 1.0, even=even))
+                cases.append(_planned(first, len(cases), nothing[placed], 1.0, even=even))
                 placed += 1
     return tuple(cases)
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from workbench.evaluation.answer_key import Truth
 from workbench.evaluation.blind_round import (
+    Answer,
     Line,
     RoundScore,
     answer_of,
@@ -50,7 +51,7 @@ class Judged:
     effects: tuple[str, ...]
     factor: float
     line: Line
-    names: int
+    answer: Answer
     regions: tuple[bool, ...]
     sure: bool = True
     sizes: tuple[SizeFound, ...] = ()
@@ -64,7 +65,7 @@ class Judged:
         Where nothing is hidden, something that is located but not named costs as many points, but
         is not a name.
         """
-        return "wrong name" in self.line.remark and self.names > 0
+        return "wrong name" in self.line.remark and self.answer.names > 0
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,7 @@ def judge(row: Mapping[str, Any], who: str = "tool") -> Judged:
     sizes, over = tuple(_sizes(row, verdict)), over_limit(verdict, row["limit"])
     hidden = (row["kind"], tuple(row["effects"]), row["factor"])
     spent = math.nan if seconds is None else float(seconds)
-    return Judged(*hidden, line, given.names, regions, sure, sizes, over, spent)
+    return Judged(*hidden, line, given, regions, sure, sizes, over, spent)
 
 
 def _surely_wrong(finding: Mapping[str, Any], truths: Sequence[Truth]) -> bool:
@@ -303,8 +304,8 @@ def scores(rows: Sequence[Mapping[str, Any]]) -> tuple[Score, ...]:
 def score_of(who: str, rows: Sequence[Mapping[str, Any]]) -> Score:
     """Score one answerer."""
     judged = tuple(judge(row, who) for row in rows)
-    given = [answer_of(verdict_of(row, who) or {}, row["case"], names()) for row in rows]
-    return Score(who, judged, score_round(given, [truths_of(row) for row in rows]))
+    hidden = [truths_of(row) for row in rows]
+    return Score(who, judged, score_round([j.answer for j in judged], hidden))
 
 
 @dataclass(frozen=True)
@@ -336,9 +337,8 @@ def by_effect(rows: Sequence[Mapping[str, Any]]) -> tuple[ByEffect, ...]:
             continue
         judged = [(row, judge(row)) for row in own]
         named = [row for row, j in judged if any(j.line.named)]
-        told = [size for row in named if (size := true_size(row, effect)) is not None]
         # An effect may grow as its parameter falls: the smallest is that of the least factor.
-        least = min(named, key=lambda row: row["factor"]) if told else None
+        least = min(named, key=lambda row: row["factor"], default=None)
         predicted = [s for row in own if (s := smallest_predicted(row, effect)) is not None]
         outcomes = {row["factor"]: j.line.remark for row, j in judged}
         smallest = true_size(least, effect) if least is not None else None

@@ -83,12 +83,7 @@ def make_case(
         }
     folder.mkdir(parents=True, exist_ok=True)
     for name, (state, kind, signal) in plans.items():
-        noise = int(rng.integers(2**31))
-        record = (
-            simulate.run(p, state, command=signal, seed=noise)
-            if kind == "command"
-            else simulate.run(p, state, reference=signal, seed=noise)
-        )
+        record = simulate.run(p, state, seed=int(rng.integers(2**31)), **{kind: signal})
         np.savetxt(
             folder / f"{name}.csv", record.table(), delimiter=",", header=HEADER, comments="",
             fmt=["%.3f", "%.4f", "%.3f", "%.4f", "%.4f"],

@@ -156,7 +156,6 @@ class PositionLoop:
     inner: float = 0.35
     limit: float = 1.3
     time_constant: float = 0.01
-    sample: float = 2e-3
     _last: float | None = field(default=None, init=False)
     _rate: float = field(default=0.0, init=False)
 
@@ -164,8 +163,8 @@ class PositionLoop:
         """Return the command in volt for angles in degrees and gauge pressures in bar."""
         if self._last is None:
             self._last = angle
-        share = self.sample / (self.sample + self.time_constant)
-        self._rate += share * ((angle - self._last) / self.sample - self._rate)
+        share = SAMPLE / (SAMPLE + self.time_constant)
+        self._rate += share * ((angle - self._last) / SAMPLE - self._rate)
         self._last = angle
         # equilibrium of the unloaded arm: about 0.11 bar of difference per degree from 30 deg
         wanted = 0.106 * (reference - 30.0) + self.stiffness * (reference - angle)

@@ -160,14 +160,12 @@ def initial(
     gauge_bar: tuple[float, float],
     parameters: dict[str, float],
     *,
-    spool: float = 0.0,
     stretched: bool = False,
 ) -> NDArray[np.float64]:
     """Return a state at rest."""
     p = namespace(parameters)
     x = np.zeros(len(STATES))
     x[0] = x[INDEX["load_angle"]] = np.radians(angle_deg)
-    x[INDEX["spool"]] = spool
     rt = p.gas_constant * p.ambient_temperature
     supply = p.supply_pressure + p.ambient_pressure
     x[INDEX["reservoir"]] = supply * p.supply_volume / rt
@@ -200,9 +198,6 @@ def gauge(state: NDArray[np.float64], p: dict[str, float]) -> tuple[float, float
         out.append((p["gamma"] - 1) * float(state[3 + 2 * k]) / v - p["ambient_pressure"])
     return out[0], out[1]
 
-
-STEP = 2e-4
-"""Integration step in s."""
 
 Array = NDArray[np.float64]
 
@@ -449,14 +444,9 @@ def derivative(state: Array, command: float, parameters: dict[str, float]) -> Ar
 
 
 def run(
-    parameters: dict[str, float],
-    state: Array,
-    command: Array,
-    *,
-    step: float = STEP,
-    keep: int = 10,
+    parameters: dict[str, float], state: Array, command: Array, *, step: float, keep: int
 ) -> tuple[Array, Array]:
-    """Integrate with one command in volt per step.
+    """Integrate with one command in volt per step, in s.
 
     Returns the states before step 0, keep, 2 keep, ... and the state after the last step.
     """

@@ -12,11 +12,10 @@ from workbench.model.units import in_time
 from workbench.recordings.checks.check import MAX_EXCLUDED, Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.noise import white_rms
-from workbench.recordings.checks.quantisation import quantum
+from workbench.recordings.checks.quantisation import MIN_LEVELS, smallest_step
 from workbench.recordings.recording import Recording
 
 _MIN_SAMPLES = 5
-_MIN_LEVELS = 20
 
 
 def clipped_samples(values: Vector) -> tuple[npt.NDArray[np.bool_], float]:
@@ -31,11 +30,9 @@ def clipped_samples(values: Vector) -> tuple[npt.NDArray[np.bool_], float]:
         Mask, shape (n,), and the value of the limit, in the unit of the values, or NaN.
     """
     none = np.zeros(len(values), dtype=bool)
-    if len(values) < 10 or np.ptp(values) == 0:
+    if len(np.unique(values)) < MIN_LEVELS:
         return none, float("nan")
-    step = max(quantum(values), 1e-6 * float(np.ptp(values)))
-    if len(np.unique(values)) < _MIN_LEVELS:
-        return none, float("nan")
+    step = smallest_step(values)
     noisy = white_rms(values) > 0.5 * step
     inner = (values[1:] != values.max()) & (values[1:] != values.min())
     chance = float(np.mean((np.diff(values) == 0)[inner])) if inner.any() else 1.0

@@ -10,6 +10,8 @@ from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording
 
 _MIN_LEVELS = 8
+MIN_LEVELS = 20
+"""A signal of fewer levels is a switch or a counter, for which standing still is normal."""
 
 
 def quantum(values: npt.ArrayLike) -> float:
@@ -53,6 +55,11 @@ def quantum(values: npt.ArrayLike) -> float:
             counts = np.round(distances / step)
             return float(distances.sum() / counts.sum())
     return 0.0
+
+
+def smallest_step(values: npt.ArrayLike) -> float:
+    """Return the `quantum` of samples, or a millionth of what they span, in their unit."""
+    return max(quantum(values), 1e-6 * float(np.ptp(values)))
 
 
 def recorded_quantum(recording: Recording, name: str) -> float:

@@ -13,7 +13,7 @@ from workbench.recordings.checks.check import MAX_EXCLUDED, Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.gaps import filled
 from workbench.recordings.checks.noise import white_rms
-from workbench.recordings.checks.quantisation import quantum
+from workbench.recordings.checks.quantisation import MIN_LEVELS, smallest_step
 from workbench.recordings.recording import Recording
 
 
@@ -55,8 +55,6 @@ def check_constant(recording: Recording, expected: Expected) -> Finding:
 
 _MIN_RUN = 10
 _NEIGHBOURS = 10
-MIN_LEVELS = 20
-"""A signal of fewer levels is a switch or a counter, for which standing still is normal."""
 
 
 def _jumps_out(values: Vector, first: int, last: int, step: float) -> bool:
@@ -89,11 +87,9 @@ def stuck_samples(values: Vector) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np
     sure = bad.copy()
     equal = np.diff(values) == 0
     found = [(a, b + 1) for a, b in runs(equal) if b - a + 2 >= _MIN_RUN]
-    if not found or np.ptp(values) == 0:
+    if not found or len(np.unique(values)) < MIN_LEVELS:
         return bad, sure
-    step = max(quantum(values), 1e-6 * float(np.ptp(values)))
-    if len(np.unique(values)) < MIN_LEVELS:
-        return bad, sure
+    step = smallest_step(values)
     free = np.ones(len(equal), dtype=bool)
     for a, b in found:
         free[a:b] = False

@@ -99,7 +99,7 @@ def _plausible(signal: Signal, expected: Expected) -> tuple[float, float, float]
 def _better_unit(signal: Signal, stated: str, low: float, high: float, travel: float) -> str:
     """Return the unit in which the numbers would be plausible, ``""`` if there is none."""
     numbers = from_si(signal.values, stated)
-    for unit in (*([signal.display_unit] if signal.display_unit else []), *_UNITS):
+    for unit in (signal.display_unit, *_UNITS):
         if unit == stated or not same_dimension(unit, stated):
             continue
         values = to_si(numbers, unit)
@@ -114,7 +114,7 @@ def _problem(
     """Return what is not plausible, ``""`` if nothing, and whether another unit would be."""
     low, high, travel = known
     least, most = float(signal.values.min()), float(signal.values.max())
-    unit = signal.display_unit or signal.unit
+    unit = signal.display_unit
     shown = signal.displayed([least, most])
     if least < low or most > high:
         bounds = signal.displayed([low, high])
@@ -149,7 +149,7 @@ def _suspicion(signal: Signal, stated: str, low: float, high: float) -> str:
         values = factor * signal.values
         if factor > _SMALL and values.min() >= low and values.max() <= high:
             least, most = signal.displayed([signal.values.min(), signal.values.max()])
-            shown = signal.display_unit or signal.unit
+            shown = signal.display_unit
             return (
                 f"{signal.name} moves by {most - least:.3g} {shown} only, a {width / travel:.0f}th"
                 f" of its range: numbers in {unit} would do so too"
@@ -171,7 +171,7 @@ def beyond_range(signal: Signal, low: float, high: float, *, clipped: bool = Tru
     out = (signal.values < low - margin) | (signal.values > high + margin)
     if signal.role != "command" or not out.any():
         return ""
-    unit = signal.display_unit or signal.unit
+    unit = signal.display_unit
     ends = signal.displayed([signal.values.min(), signal.values.max(), low, high])
     said = (
         f"{signal.name} runs from {ends[0]:.4g} to {ends[1]:.4g} {unit}, the plant declares"

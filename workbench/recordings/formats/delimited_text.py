@@ -383,10 +383,6 @@ class _Tally:
     infinite: int = 0
     line: int = 0
 
-    def text(self, column: int, count: int, cell: str, line: int) -> None:
-        before, example = self.unreadable.get(column, (0, ""))
-        self.unreadable[column] = (before + count, example or f"{cell[:30]!r} in line {line}")
-
 
 def _fast(lines: Sequence[str], layout: Layout) -> Vector | None:
     """Read a block in which every cell is a number; None if one is not."""
@@ -435,7 +431,9 @@ def _column(
     known = {cell: _value(cell, layout, unit) for cell in set(cells)}
     texts = [k for k, cell in enumerate(cells) if known[cell] is None]
     if texts:
-        tally.text(column, len(texts), cells[texts[0]], at[texts[0]])
+        before, example = tally.unreadable.get(column, (0, ""))
+        example = example or f"{cells[texts[0]][:30]!r} in line {at[texts[0]]}"
+        tally.unreadable[column] = before + len(texts), example
     values = np.array([known[cell] for cell in cells], dtype=float)
     tally.infinite += int(np.isinf(values).sum())
     return np.where(np.isinf(values), np.nan, values)
