@@ -242,16 +242,14 @@ def _files(folder: Path) -> dict[str, Path]:
     found: dict[str, Path] = {}
     for path in sorted(folder.iterdir()):
         role = path.name.split(".", 1)[0]
-        if not path.is_file() or suffix_of(path) not in known_suffixes():
-            continue
-        if role.startswith(("identify", "validate")):
+        known = path.is_file() and suffix_of(path) in known_suffixes()
+        if known and role.startswith(("identify", "validate")):
             if role in found:
                 raise WorkbenchError(
                     f"case {folder.name} has {found[role].name} and {path.name}; keep one of them"
                 )
             found[role] = path
-    roles = dict.fromkeys([*(r for r in ROLES if r in found), *sorted(found)])
-    return {role: found[role] for role in roles}
+    return {role: found[role] for role in (*ROLES, *sorted(found)) if role in found}
 
 
 def _gauge(recording: Recording) -> Recording:

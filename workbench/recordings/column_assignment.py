@@ -38,7 +38,7 @@ _STEP_NAMES = ("ts", "dt", "sampletime", "samplingtime", "sampleperiod", "increm
 
 @dataclass(frozen=True, eq=False)
 class Assigned:
-    """The signals of a file.
+    """What a file tells of a recording.
 
     Args:
         time: Instants, shape (n,), in s; None if the file has none.
@@ -60,13 +60,11 @@ def header_list(titles: Sequence[str], units: Sequence[str]) -> list[Header]:
             # Below "Channel A" stands that it is in volts.
             headers[i] = Header(headers[i].column, tidy_name(headers[i].column))
         if text and not headers[i].unit:
-            problem = "" if unit is not None else f"unit {text!r} is not known"
             headers[i] = replace(
                 headers[i],
                 unit=unit or "",
                 reference=headers[i].reference or reference,
-                problem=problem,
-                stated=text if problem else "",
+                stated=text if unit is None else "",
             )
     names = [h.name for h in headers]
     headers = [
@@ -150,7 +148,7 @@ def _own_units(
         if header.problem and header.stated in rules.units:
             factor, unit = rules.units[header.stated]
             values[:, i] *= factor
-            headers[i] = replace(header, unit=unit, problem="")
+            headers[i] = replace(header, unit=unit, stated="")
     return replace(columns, values=values), headers
 
 
@@ -241,14 +239,9 @@ def _signal(
     values = rule.sign * rule.factor * columns.values[:, index] + rule.offset
     if not unit and not header.stated and (unit := _zero_of(values, request)):
         note = f"in {unit}, the nearer to where the plant begins, as no unit is stated"
-    if not unit and request.unit:
-        unit_shown, kind = "", kind_of(request.unit)
-    else:
-        unit_shown, kind = unit, kind_of(unit)
-        if unit:
-            values = to_si(values, unit)
-    name = kind.name
-    reference = rule.reference or header.reference
+    kind = kind_of(unit or request.unit)
+    values = to_si(values, unit) if unit else values
+    name, reference = kind.name, rule.reference or header.reference
     if kind.name == "pressure" and request.reference == "absolute":
         name = "absolute pressure"
         if reference == "gauge":
@@ -263,7 +256,7 @@ def _signal(
     display = request.display_unit or (unit if unit and parse_unit(unit).factor != 1 else "")
     signal = Signal(rule.signal, values, kind.unit, name, role, display)
     line = rule.sign, rule.factor, rule.offset, note
-    return signal, MappedColumn(header.column, rule.signal, unit_shown, kind.unit, how, *line)
+    return signal, MappedColumn(header.column, rule.signal, unit, kind.unit, how, *line)
 
 
 def _zero_of(values: Vector, request: Requested) -> str:

@@ -14,17 +14,23 @@ from workbench.model.units import is_known, parse_unit, same_dimension
 from workbench.recordings.headers import DEGREES, TOPIC, Header, is_temperature, read_header
 from workbench.recordings.recording import Role
 
-_SYNONYMS = (
-    {"angle", "theta", "phi", "joint_angle", "winkel", "q", "alpha"},
-    {"position", "x", "y", "displacement", "pos", "stroke", "weg", "qm"},
-    {"speed", "velocity", "omega", "v", "angular_speed", "geschwindigkeit", "drehzahl"},
-    {"valve", "u", "command", "valve_command", "valve_voltage", "input", "ventil", "control"},
-    {"pressure", "p", "druck"},
-    {
-        "time", "t", "timestamp", "time_stamp", "zeit", "elapsed", "elapsed_time", "tiempo",
-        "temps", "date", "datum", "datetime", "clock", "uhrzeit", "tout", "stamp", "epoch",
-    },
-)  # fmt: skip
+_SYNONYMS = {
+    word: words[0]
+    for words in (
+        ("angle", "theta", "phi", "jointangle", "winkel", "q", "alpha"),
+        ("position", "x", "y", "displacement", "pos", "stroke", "weg", "qm"),
+        ("speed", "velocity", "omega", "v", "angularspeed", "geschwindigkeit", "drehzahl"),
+        ("valve", "u", "command", "valvecommand", "valvevoltage", "input", "ventil", "control"),
+        ("pressure", "p", "druck"),
+        (
+            "time", "t", "timestamp", "zeit", "elapsed", "elapsedtime", "tiempo", "temps", "date",
+            "datum", "datetime", "clock", "uhrzeit", "tout", "stamp", "epoch",
+        ),
+    )
+    for word in words
+}  # fmt: skip
+"""What a name stands for, by the name without underscores."""
+
 _COMMANDS = {
     "command", "cmd", "valve", "u", "control", "vir", "pump", "pwm", "duty", "ventil", "pulses",
 }  # fmt: skip
@@ -175,12 +181,11 @@ def _plain(text: str) -> str:
 
 def is_time(header: Header) -> bool:
     """Tell whether a column is the time by its name."""
-    names = {_plain(n) for n in _SYNONYMS[-1]}
     right_unit = not header.unit or same_dimension(header.unit, "s")
-    return right_unit and _plain(header.name) in names
+    return right_unit and _SYNONYMS.get(_plain(header.name)) == "time"
 
 
-def _meaning(name: str) -> tuple[object, str]:
+def _meaning(name: str) -> tuple[str, str]:
     """Return what a name stands for, and its number: ``p_1``, ``pa`` and ``pressure1`` agree."""
     plain = _plain(name)
     ends = re.fullmatch(r"(.+?)(\d+|[ab])", plain)
@@ -188,11 +193,7 @@ def _meaning(name: str) -> tuple[object, str]:
         (plain, ""),
         *([(ends[1], {"a": "1", "b": "2"}.get(ends[2], ends[2]))] if ends else []),
     ]
-    for stem, number in parts:
-        for index, group in enumerate(_SYNONYMS):
-            if stem in {_plain(s) for s in group}:
-                return index, number
-    return plain, ""
+    return next(((_SYNONYMS[s], number) for s, number in parts if s in _SYNONYMS), (plain, ""))
 
 
 def _same(requested: Requested, header: Header) -> int:

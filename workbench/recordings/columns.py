@@ -133,30 +133,25 @@ class Thinner:
         self.factor = 1
         self.total = 0
         self._kept: list[Vector] = []
-        self._size = 0
         self._pending: list[Vector] = []
-        self._waiting = 0
 
     def add(self, rows: Vector) -> None:
         """Take more rows."""
         self.total += len(rows)
         if len(rows) == 0:
             return
-        self._pending.append(rows)
-        self._waiting += len(rows)
-        while self._waiting >= self.factor:
-            pending = np.concatenate(self._pending)
-            groups = min(len(pending) // self.factor, self.max_rows - self._size)
-            used = groups * self.factor
+        pending = np.concatenate([*self._pending, rows])
+        while len(pending) >= self.factor:
+            room = self.max_rows - sum(map(len, self._kept))
+            groups = min(len(pending) // self.factor, room)
             if groups:
-                self._kept.append(average_rows(pending[:used], self.factor))
-                self._size += groups
-            self._pending, self._waiting = [pending[used:]], len(pending) - used
-            if self._size < self.max_rows or not self._waiting:
+                self._kept.append(average_rows(pending[: groups * self.factor], self.factor))
+            pending = pending[groups * self.factor :]
+            if groups < room or not len(pending):
                 break
             self._kept = [average_rows(np.concatenate(self._kept), 2)]
-            self._size = len(self._kept[0])
             self.factor *= 2
+        self._pending = [pending]
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -55,8 +55,12 @@ class Header:
     name: str
     unit: str = ""
     reference: str = ""
-    problem: str = ""
     stated: str = ""
+
+    @property
+    def problem(self) -> str:
+        """What is wrong with the unit; ``""`` if nothing is."""
+        return f"unit {self.stated!r} is not known" if self.stated else ""
 
 
 def tidy_name(text: str) -> str:
@@ -193,8 +197,7 @@ def read_header(column: str) -> Header:
             unit = DEGREES.get(unit, unit) if is_temperature(name) else unit
             return _with_reference(column, name, unit, reference)
         if re.fullmatch(r"[\d\s]*", stated) is None:
-            problem = f"unit {stated.strip()!r} is not known"
-            return Header(column, tidy_name(name), problem=problem, stated=stated.strip())
+            return Header(column, tidy_name(name), stated=stated.strip())
     found = _quotient(text) or _suffix(text)
     if found is not None:
         return _with_reference(column, *found)

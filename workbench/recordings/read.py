@@ -75,9 +75,8 @@ def _require_file(path: Path) -> None:
     raise WorkbenchError(f"there is no file {path}{hint}")
 
 
-def read_columns(path: str | Path, rules: MappingRules, *, max_rows: int = MAX_ROWS) -> Columns:
+def _columns(file: Path, rules: MappingRules, *, max_rows: int = MAX_ROWS) -> Columns:
     """Read a file as columns, in the format that the rules name or its ending tells."""
-    file = Path(path)
     _require_file(file)
     try:
         kind = FORMATS.get(rules.format, folder=rules.folder) if rules.format else format_of(file)
@@ -174,7 +173,7 @@ def read_recording(
     rules = rules_of(mapping)
     requested = requested_signals(signals)
     check_range("max_rows", max_rows, 2, 1e9)
-    found = read_columns(file, rules, max_rows=int(max_rows))
+    found = _columns(file, rules, max_rows=int(max_rows))
     title = name or _title(file)
     if found.saved is not None and mapping is None:
         return _as_requested(restore_recording(found, found.saved), requested)
@@ -193,16 +192,8 @@ def read_recording(
         raise WorkbenchError(
             f"{file.name} has {np.count_nonzero(rows)} row(s) with a time; a recording needs two"
         )
-    recording = Recording(
-        title,
-        np.where(rows, assigned.time, 0.0),
-        assigned.signals,
-        file.name,
-        assigned.notes,
-        assigned.metadata,
-        (),
-        assigned.mapping,
-    )
+    known = vars(assigned) | {"time": np.where(rows, assigned.time, 0.0)}
+    recording = Recording(title, source=file.name, **known)
     if not rows.all():
         lost = np.count_nonzero(~rows)
         recording = recording.take(rows).noted(f"{lost} row(s) without a time left out")
@@ -226,7 +217,7 @@ def read_table(path: str | Path, *, mapping: MappingLike = None) -> Table:
     """
     file = Path(path)
     rules = rules_of(mapping)
-    found = read_columns(file, rules)
+    found = _columns(file, rules)
     _named(found, file, rules)
     assigned = assign(found, rules, ())
     if not assigned.signals:

@@ -271,16 +271,11 @@ class Recording(Drawn):
 
     def valid(self, name: str) -> npt.NDArray[np.bool_]:
         """Return where a signal was really measured, shape (n,)."""
-        good = np.isfinite(self[name])
-        spans = [span for span in self.excluded if span.signal == name]
-        if spans and self.increasing:
-            first = np.searchsorted(self.time, [s.start for s in spans], side="left")
-            last = np.searchsorted(self.time, [s.stop for s in spans], side="right")
-            for a, b in zip(first, last, strict=True):
-                good[a:b] = False
-            return good
-        for span in spans:
-            good &= ~((self.time >= span.start) & (self.time <= span.stop))
+        spans = [(s.start, s.stop) for s in self.excluded if s.signal == name]
+        starts, stops = np.sort(np.reshape(spans, (-1, 2)), axis=0).T
+        begun = np.searchsorted(starts, self.time, side="right")
+        over = np.searchsorted(stops, self.time, side="left")
+        good: npt.NDArray[np.bool_] = np.isfinite(self[name]) & (begun == over)
         return good
 
     def at_times(self, time: npt.ArrayLike) -> Recording:

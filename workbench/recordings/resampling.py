@@ -29,16 +29,17 @@ _COURSE = 0.2
 """Share of the sampling rate above which a measurement counts as noise when it is moved in time."""
 
 
-def _require_increasing(recording: Recording, what: str) -> None:
+def _require_increasing(recording: Recording) -> None:
     if len(recording) < 2:
         raise WorkbenchError(
-            f"recording {recording.name!r} has {len(recording)} sample(s); {what} needs two or more"
+            f"recording {recording.name!r} has {len(recording)} sample(s); resampling needs two or"
+            " more"
         )
     if not recording.increasing:
         raise WorkbenchError(
-            f"the time of recording {recording.name!r} does not increase everywhere, so {what} is "
-            "not defined; 'workbench recording FILE' says where, and "
-            "check_recording(...).recording is a corrected one where its rows tell how"
+            f"the time of recording {recording.name!r} does not increase everywhere, so resampling"
+            " is not defined; 'workbench recording FILE' says where, and"
+            " check_recording(...).recording is a corrected one where its rows tell how"
         )
 
 
@@ -197,7 +198,7 @@ def resample(
         >>> resample(r, rate_Hz=2.0)["angle"][:4]
         array([0., 1., 2., 3.])
     """
-    _require_increasing(recording, "resampling")
+    _require_increasing(recording)
     if (rate_Hz is None) == (times is None):
         raise WorkbenchError("give either rate_Hz or times to resample a recording, not both")
     old = recording.sample_time

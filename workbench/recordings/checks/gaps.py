@@ -222,10 +222,7 @@ def check_gaps(recording: Recording, expected: Expected) -> Finding:
             f"({longest[1] - longest[0] + 1} samples)"
         )
     for name in piece.measurements:
-        signal = piece.signal(name)
-        if signal.zero_order_hold or not np.all(np.isfinite(signal.values)):
-            continue
-        again, rows = _repeated(signal.values)
+        again, rows = _repeated(piece[name])
         if np.any(again):
             piece = filled(piece, name, again, "repeated reading")
             told = in_time(rows * piece.sample_time)

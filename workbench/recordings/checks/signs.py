@@ -167,9 +167,7 @@ def _exchanged(wrong: Pairs, signs: Signs) -> str:
     names = sorted({n for pair in wrong for n in pair})
     for a, b in combinations(names, 2):
         swap = {a: b, b: a}
-        if all(
-            signs.get((swap.get(c, c), swap.get(r, r))) == -signs[c, r] for c, r in wrong
-        ) and all(a in pair or b in pair for pair in wrong):
+        if all(signs.get((swap.get(c, c), swap.get(r, r))) == -signs[c, r] for c, r in wrong):
             return f"{a} and {b}"
     return ""
 

@@ -206,10 +206,8 @@ def check_units(recording: Recording, expected: Expected) -> Finding:
         ranged = signal.name in expected.reach or signal.name in expected.ranges
         believed = ranged or signal.name in expected.believed
         problem, other_unit = _problem(signal, unit, known, believed)
-        if believed and not problem:
-            suspicion = _suspicion(signal, unit, *known[:2])
-            if suspicion:
-                remarks.append(suspicion)
+        if believed and not problem and (suspicion := _suspicion(signal, unit, *known[:2])):
+            remarks.append(suspicion)
         bounds = expected.ranges.get(signal.name, (-math.inf, math.inf))
         problem = problem or beyond_range(signal, *bounds)
         if problem and other_unit and signal.name in expected.required:
