@@ -134,8 +134,7 @@ def parallel(
             settings |= {"initializer": end_with, "initargs": (os.getpid(), _team())}
         else:
             client = stack.enter_context(_client(dask))
-            workers = sum(client.nthreads().values())
-            count = max(1, workers)
+            count = max(1, sum(client.nthreads().values()))
             settings = {"backend": "dask"}
         stack.enter_context(joblib.parallel_config(**settings))
         workers_pool = joblib.Parallel(

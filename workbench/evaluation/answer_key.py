@@ -51,7 +51,11 @@ class Names:
 
     def group(self, port: str) -> str:
         """Return the group of a port; the part before the dot if it belongs to none."""
-        return _group(port, self.groups)
+        for name, starts in self.groups.items():
+            if port.startswith(starts):
+                return name
+        first, _, what = port.partition(".")
+        return f"{first} sensor" if what == "reading" else first
 
     def truths(self, case: str, words: list[str]) -> tuple[Truth, ...]:
         """Return what a case hides."""
@@ -78,6 +82,7 @@ def read_names(path: str | Path | None = None) -> Names:
     """
     groups: dict[str, tuple[str, ...]] = {}
     effects: dict[str, Truth] = {}
+    names = Names(groups, effects)
     for file in (NAMES, *([Path(path)] if path is not None else [])):
         content = read_toml(file, "table of names", _NAMES)
         groups |= {name: tuple(starts) for name, starts in content.get("groups", {}).items()}
@@ -85,18 +90,10 @@ def read_names(path: str | Path | None = None) -> Names:
             effects[word] = Truth(
                 word,
                 tuple(entry["library"]),
-                tuple(dict.fromkeys(_group(port, groups) for port in entry["ports"])),
+                tuple(dict.fromkeys(map(names.group, entry["ports"]))),
                 entry.get("sensor", False),
             )
-    return Names(groups, effects)
-
-
-def _group(port: str, groups: Mapping[str, tuple[str, ...]]) -> str:
-    for name, starts in groups.items():
-        if port.startswith(tuple(starts)):
-            return name
-    first, _, what = port.partition(".")
-    return f"{first} sensor" if what == "reading" else first
+    return names
 
 
 def read_key(path: str | Path) -> dict[str, Mapping[str, Any]]:

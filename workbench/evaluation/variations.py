@@ -162,9 +162,8 @@ swings, leaks, offsets, 2 kg more or less, 4.5 to 7 bar."""
 
 def draws(count: int, seed: int) -> tuple[Draw, ...]:
     """Draw machines: in turn one kind, each as often as the others, and three kinds at random."""
-    load = 3.0
-    rng, found = np.random.default_rng(seed), []
-    for i, kinds in enumerate(in_turn(list(KINDS), count, rng)):
-        parts = tuple(KINDS[kind](rng, load) for kind in kinds)
-        found.append(Draw(i, tuple(kinds), load, parts))
-    return tuple(found)
+    load, rng = 3.0, np.random.default_rng(seed)
+    return tuple(
+        Draw(i, tuple(kinds), load, tuple(KINDS[kind](rng, load) for kind in kinds))
+        for i, kinds in enumerate(in_turn(list(KINDS), count, rng))
+    )

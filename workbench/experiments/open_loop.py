@@ -51,15 +51,6 @@ class Transit:
     top_speed: float
     touch_speed: float
 
-    def __str__(self) -> str:
-        """Return one line."""
-        return (
-            f"{self.start:.2f} s  {'up  ' if self.direction > 0 else 'down'}  {self.duration:.2f} s"
-            f"  {self.dips} dip(s)  {self.ripple_frequency:.2f} Hz"
-            f"  top {math.degrees(self.top_speed):.0f} deg/s"
-            f"  touch {math.degrees(self.touch_speed):.0f} deg/s"
-        )
-
 
 @dataclass(frozen=True)
 class TransitFigures:
@@ -121,27 +112,22 @@ def measure_transits(
     if step <= 0 or np.max(np.abs(np.diff(t) - step)) > 0.01 * step:
         raise WorkbenchError("the sample times are not evenly spaced; resample the recording first")
     check_range("sample time", step, 1e-5, 0.02, "s", fix="a ripple needs 20 samples or more")
-    found = []
-    for begin, end, direction in _spans(a):
-        mirrored = a if direction > 0 else LOW + HIGH - a
-        found.append(_measure(t, mirrored, begin, end, direction, stops, step))
-    return _summary(tuple(found))
+    return _summary(tuple(_measure(t, a, *span, stops, step) for span in _spans(a)))
 
 
 def _spans(angle: Vector) -> list[tuple[int, int, Literal[1, -1]]]:
     """Return (last sample at one mark, first sample at the other, direction)."""
     zone = np.where(angle <= LOW, -1, np.where(angle >= HIGH, 1, 0))
-    outside = np.flatnonzero(zone)
-    spans: list[tuple[int, int, Literal[1, -1]]] = []
-    for i, j in pairwise(outside):
-        if zone[i] != zone[j]:
-            spans.append((int(i), int(j), 1 if zone[j] > 0 else -1))
-    return spans
+    return [
+        (int(i), int(j), 1 if zone[j] > 0 else -1)
+        for i, j in pairwise(np.flatnonzero(zone))
+        if zone[i] != zone[j]
+    ]
 
 
 def _measure(
     t: Vector,
-    a: Vector,
+    angle: Vector,
     begin: int,
     end: int,
     direction: Literal[1, -1],
@@ -150,6 +136,7 @@ def _measure(
 ) -> Transit:
     from scipy.signal import find_peaks, savgol_filter
 
+    a = angle if direction > 0 else LOW + HIGH - angle
     first = float(np.interp(LOW, a[begin : begin + 2], t[begin : begin + 2]))
     last = float(np.interp(HIGH, a[end - 1 : end + 1], t[end - 1 : end + 1]))
     window = max(5, 2 * round(0.5 * SMOOTHING / step) + 1)

@@ -69,8 +69,7 @@ def walk_gains(
     for seen in recordings:
         run = filter_.run(extended_start(seen, nominal, model), model.values)
         told.append(_blocks(run.whitened, run.jacobian, length))
-    gains = dict.fromkeys(dict.fromkeys(placed), 0.0)
-    gains.pop("", None)
+    gains = {group: 0.0 for group in placed if group}
     for i, group in enumerate(placed):
         if not group:
             continue

@@ -160,9 +160,8 @@ def _terms_and_residuals(
     hit = (q < _FROM_STOP) | (q > np.radians(60.0) - _FROM_STOP)
     # Smoothing spreads a contact over its window.
     away = np.convolve(hit, np.ones(2 * _WINDOW), mode="same") < 0.5
-    kept = np.zeros(len(q), dtype=bool)
-    kept[_WINDOW:-_WINDOW:_EVERY] = True
-    kept &= away
+    kept, inside = np.zeros(len(q), dtype=bool), slice(_WINDOW, -_WINDOW, _EVERY)
+    kept[inside] = away[inside]
     u = smooth(command) - 5.0
     seen = {
         "q": q, "w": w, "dw": dw, "u": u, "du": smooth(command, 1), "p1": p1 * 1e-5,

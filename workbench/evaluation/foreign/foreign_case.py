@@ -221,7 +221,7 @@ def tables(rows: Sequence[Mapping[str, Any]]) -> str:
         name: rates_of([r for r in rows if r["machine"] == name])
         for name in dict.fromkeys(r["machine"] for r in rows)
     }
-    shown = ("false names", "right name or class", "held-out error within 1.5 of the truth")
+    shown = ("false names", "right name or class", WITHIN)
     lines = [
         f"{len(rows)} cases, versions {', '.join(sorted({r['version'] for r in rows}))}",
         "",
@@ -245,13 +245,14 @@ def tables(rows: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join([*lines, "", aligned_table(("hidden", "said"), told_of, width=None)])
 
 
+WITHIN = f"held-out error within {LARGEST_RATIO} of the truth"
 BARS = {
     "false names": "0",
     "right name or class": "at least 85 %",
     "right name or class, what the library has": "",
     "right place": "",
     "wrong name": "",
-    "held-out error within 1.5 of the truth": "at least 85 %",
+    WITHIN: "at least 85 %",
     "gains but is refused": "0",
     "diagnosis failed": "0",
 }
@@ -264,14 +265,13 @@ def rates_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, Rate]:
     clean = [(r, j) for r, j in judged if not r["hidden"]]
     faulty = [(r, j) for r, j in judged if r["hidden"]]
     named = [(t, right) for r, j in faulty for t, right in zip(r["hidden"], j.named, strict=True)]
-    within = "held-out error within 1.5 of the truth"
     return {
         "false names": Rate.of(bool(names_of(r["verdict"])) for r, _ in clean),
         "right name or class": Rate.of(right for _, right in named),
         "right name or class, what the library has": Rate.of(r for t, r in named if t["library"]),
         "right place": Rate.of(right for _, j in faulty for right in j.located),
         "wrong name": Rate.of("wrong name" in j.remark for _, j in faulty),
-        within: Rate.of(over_limit(r["verdict"], r["limit"]) <= LARGEST_RATIO for r in rows),
+        WITHIN: Rate.of(over_limit(r["verdict"], r["limit"]) <= LARGEST_RATIO for r in rows),
         "gains but is refused": Rate.of(bool(refused_right(r)) for r, _ in faulty),
         "diagnosis failed": Rate.of(r["verdict"]["verdict"] == "failed" for r in rows),
     }

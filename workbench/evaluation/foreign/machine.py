@@ -170,16 +170,12 @@ class Machine:
         sensors = [Sensor(c, p, self.sample_time, rng) for c in self.channels]
         commands = np.empty(excitation.shape)
         measurements = np.empty((len(excitation), len(sensors)))
-        last: Array | None = None
         for k in range(len(excitation)):
             t = k * self.sample_time
             measurements[k] = [s.read(x[s.channel.state]) for s in sensors]
             u = excitation[k]
             if self.loop is not None and not replayed:
-                u = self.loop(
-                    excitation[k], measurements[k], measurements[k] if last is None else last
-                )
-                last = measurements[k]
+                u = self.loop(u, measurements[k], measurements[max(k - 1, 0)])
             commands[k] = u
             for j in range(self.steps):
                 w = [a.step(float(v)) for a, v in zip(actuators, u, strict=True)]

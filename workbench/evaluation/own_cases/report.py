@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from workbench.display import aligned_table
 from workbench.evaluation.own_cases.plan import FACTORS
 from workbench.evaluation.own_cases.statistics import (
@@ -239,16 +241,12 @@ def figure(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
     shown = ("right group", "right name or class", "confidently wrong", "false alarms")
     step = 0.8 / len(scored)
     for j, score in enumerate(scored):
-        rates = score.rates()
-        at = [i - 0.4 + (j + 0.5) * step for i in range(len(shown))]
-        values = [100 * rates[n].value if rates[n].total else 0.0 for n in shown]
-        ends = [rates[n].interval for n in shown]
-        spans = [
-            [max(0.0, v - 100 * low) for v, (low, _) in zip(values, ends, strict=True)],
-            [max(0.0, 100 * high - v) for v, (_, high) in zip(values, ends, strict=True)],
-        ]
+        rates = [score.rates()[name] for name in shown]
+        values = np.array([100 * r.value if r.total else 0.0 for r in rates])
+        low, high = 100 * np.array([r.interval for r in rates]).T
+        spans = np.maximum(0.0, [values - low, high - values])
         bottom.bar(
-            at,
+            np.arange(len(shown)) - 0.4 + (j + 0.5) * step,
             values,
             width=step,
             yerr=spans,

@@ -215,8 +215,7 @@ class Sizes:
     @property
     def coverage(self) -> Rate:
         """How often the 95 % interval contains the true size."""
-        told = [f for f in self.found if math.isfinite(f.std)]
-        return Rate(sum(f.covered for f in told), len(told))
+        return Rate.of(f.covered for f in self.found if math.isfinite(f.std))
 
 
 def _quantile(values: Sequence[float], at: float) -> float:

@@ -113,7 +113,6 @@ class CommandPath:
     parameters: dict[str, float]
     steps: int
     step: float
-    start: float = 5.0
     _queue: deque[float] = field(init=False)
     _play: float = field(init=False)
     _stuck: float = field(init=False)
@@ -121,8 +120,8 @@ class CommandPath:
     _samples: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
-        self._queue = deque([self.start] * round(self.parameters["valve_delay"] / self.step))
-        self._play = self._stuck = self._held = self.start
+        self._queue = deque([5.0] * round(self.parameters["valve_delay"] / self.step))
+        self._play = self._stuck = self._held = 5.0
 
     def quantised(self, volt: float) -> float:
         """Return the command on the grid of the output card, counted from 5 V."""

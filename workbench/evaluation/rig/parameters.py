@@ -76,15 +76,12 @@ class Effect:
     size: Size | None = None
 
 
-def _effects() -> dict[str, Effect]:
-    text = Path(__file__).with_name("effects.toml").read_text(encoding="utf-8")
-    return {
-        name: Effect(where, words, parameters, Size(**size[0]) if size else None)
-        for name, (where, words, parameters, *size) in tomllib.loads(text).items()
-    }
-
-
-EFFECTS = _effects()
+EFFECTS = {
+    name: Effect(where, words, parameters, Size(**size[0]) if size else None)
+    for name, (where, words, parameters, *size) in tomllib.loads(
+        Path(__file__).with_name("effects.toml").read_text(encoding="utf-8")
+    ).items()
+}
 """Every effect by name, as ``effects.toml`` has it."""
 
 EFFECTS["hysteresis_maxwell"].parameters.update(elements(0.2e-3, 4e-3, 8))

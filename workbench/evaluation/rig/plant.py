@@ -169,18 +169,16 @@ def initial(
     rt = p.gas_constant * p.ambient_temperature
     supply = p.supply_pressure + p.ambient_pressure
     x[INDEX["reservoir"]] = supply * p.supply_volume / rt
-    fibres = []
     for k, a in enumerate((float(x[0]), SPAN - float(x[0]))):
-        fibres.append(distance(a) - FITTINGS)
+        fibre = rigid = distance(a) - FITTINGS
         if stretched and p.tendon_stiffness > 0.0:
             gain = (p.force_gain_1, p.force_gain_2)[k]
             for _ in range(50):  # Contracts: muscles are softer than tendons.
-                tension = force(fibres[k], gauge_bar[k] * 1e5, gain, p)
-                rigid = distance(a) - FITTINGS
-                fibres[k] += 0.5 * (rigid - tension / p.tendon_stiffness - fibres[k])
+                tension = force(fibre, gauge_bar[k] * 1e5, gain, p)
+                fibre += 0.5 * (rigid - tension / p.tendon_stiffness - fibre)
         pressure = gauge_bar[k] * 1e5 + p.ambient_pressure
-        x[INDEX[f"fibre_{k + 1}"]] = fibres[k]
-        v = p.volume_gain * volume(fibres[k]) + p.dead_volume
+        x[INDEX[f"fibre_{k + 1}"]] = fibre
+        v = p.volume_gain * volume(fibre) + p.dead_volume
         x[2 + 2 * k] = pressure * v / rt
         x[3 + 2 * k] = pressure * v / (p.gamma - 1.0)
         x[INDEX[f"exhaust_{k + 1}"]] = p.ambient_pressure * p.silencer_volume / rt
