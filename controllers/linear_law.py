@@ -6,7 +6,9 @@ controller says so with
 
     linear_law(state, measurement, reference, arithmetic, rest) -> (linear command, next state)
 
-which a `controllers.valve_inverse.ClosedForm` has. One without, such as one's own, is differenced.
+which a `controllers.law.ClosedForm` has, or, as an MPC within its limits, tells the matrices
+with ``around_rest() -> LinearLaw``, from measurements and references. One that has neither, such as
+one's own, is differenced.
 """
 
 from __future__ import annotations
@@ -56,6 +58,10 @@ def linear_law(
         reference = rest[: len(controller.controlled)] * (1 + controller.preview)
     if hasattr(controller, "linear_law"):
         return _differentiated(controller, measurement, reference)
+    if hasattr(controller, "around_rest"):
+        F, G, H, J = controller.around_rest()
+        measured = len(controller.sensors)
+        return _of_measurements(F, G[:, :measured], H, J[:, :measured])
     return _differenced(controller, measurement, reference)
 
 
@@ -106,8 +112,12 @@ def _differentiated(
     sides = [slopes(z0, (1.0 + sign * 1e-9) * np.array(measurement)) for sign in (1.0, -1.0)]
     table = 0.5 * sum(side.full() for side in sides)
     n = len(moved)
-    F, G, H, J = table[:n, :n], table[:n, n:], table[n:, :n], table[n:, n:]
     # What stands still at rest, such as an integration that is switched off, is no part of it.
+    return _of_measurements(table[:n, :n], table[:n, n:], table[n:, :n], table[n:, n:])
+
+
+def _of_measurements(F: Matrix, G: Matrix, H: Matrix, J: Matrix) -> LinearLaw:
+    """Return the law of the entries of the state that measurements reach."""
     live = reached(np.any(G != 0.0, axis=1), F != 0.0)
     return LinearLaw(F[np.ix_(live, live)], G[live], H[:, live], J)
 

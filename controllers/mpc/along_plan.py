@@ -135,32 +135,22 @@ class ScheduledMPC(ValveController):
         gradient = product(between(low.g_estimate, high.g_estimate), z)
         gradient += low.g_before[:, 0] * before
         pressures = product(between(low.rows_estimate, high.rows_estimate), z)
-        n_u = low.size[0] - 1
         room = self.pressure_limits[1] - self.pressure_limits[0]
-        lower_a, upper_a = low.lower_a.copy(), low.upper_a.copy()
-        limited = (len(lower_a) - n_u) // 2
-        lower_a[n_u : n_u + limited] = (problem.bias - room) / low.slack_scale
-        upper_a[n_u + limited :] = (problem.bias + room) / low.slack_scale
-        lower_a -= pressures
-        upper_a -= pressures
-        lower_a[0] += before
-        upper_a[0] += before
-        lower_x, upper_x = low.lower_x.copy(), low.upper_x.copy()
+        (n, m), limits = low.size, np.array([low.lower, low.upper])
+        limited = (m - n + 1) // 2
+        limits[0, n - 1 : n - 1 + limited] = (problem.bias - room) / low.slack_scale
+        limits[1, m - limited : m] = (problem.bias + room) / low.slack_scale
+        limits[:, :m] -= pressures
+        limits[:, 0] += before
         # The feedforward stays within the valve, so that the limits never cross the rate's.
         forward = min(max(problem.opening, -1.0), 1.0)
-        lower_x[:n_u] -= forward
-        upper_x[:n_u] -= forward
-        reach = low.upper_a[0]
-        lower_x[0] = min(lower_x[0], before + reach)
-        upper_x[0] = max(upper_x[0], before - reach)
-        solution = quadratic_program(*low.size).solve(
-            between(low.H, high.H),
-            gradient,
-            between(low.A, high.A),
-            lower_a,
-            upper_a,
-            lower_x,
-            upper_x,
+        limits[:, m:-1] -= forward
+        lower, upper = limits
+        reach = low.upper[0]
+        lower[m] = min(lower[m], before + reach)
+        upper[m] = max(upper[m], before - reach)
+        solution = quadratic_program(n, m).solve(
+            between(low.H, high.H), gradient, between(low.A, high.A), lower, upper
         )
         if solution.solved:
             move, slack = float(solution.x[0]), float(solution.x[-1]) * low.slack_scale
@@ -262,9 +252,7 @@ class ScheduledMPC(ValveController):
                 ("GAIN", "gain"),
             )
         }
-        tables |= {"G_BEFORE": first.g_before}
-        tables |= {"LOWER": np.concatenate([first.lower_a, first.lower_x])}
-        tables |= {"UPPER": np.concatenate([first.upper_a, first.upper_x])}
+        tables |= {"G_BEFORE": first.g_before, "LOWER": first.lower, "UPPER": first.upper}
         kernels = self._kernels(name)
         args, results, integers, reals = (
             max(1, *(getattr(kernel, f"sz_{what}")() for kernel in kernels))
@@ -407,7 +395,7 @@ def design_scheduled_mpc(
                 C,
                 weights=(w**6 / joint.opening_to_jerk**2, 1.0, want.move_weight),
                 prediction_time=want.prediction_time,
-                stride=max(1, round(want.prediction_time / want.sample_time)),
+                sample_time=want.sample_time,
                 blocks=want.blocks,
                 opening_limits=(-1.0, 1.0),
                 move_limit=want.rate_limit * want.prediction_time,

@@ -54,10 +54,8 @@ class Prediction:
             then the limited outputs (in units of 1e4 SI).
         rows_estimate: Part of the rows that the estimate decides, shape (m, n_z), in the units of
             the rows per SI.
-        lower_a: Lower limits, shape (m,), in the units of the rows.
-        upper_a: Upper limits, shape (m,), in the units of the rows.
-        lower_x: Lower limits of the variables, shape (n,), fractions and 0.1 bar.
-        upper_x: Upper limits of the variables, shape (n,), fractions and 0.1 bar.
+        lower: Lower limits of rows, then of variables, shape (m + n,), in their units.
+        upper: Upper limits of rows, then of variables, shape (m + n,), in their units.
         gain: Regulator K, shape (k, n_x), fractions per SI.
         target: (xs, us) per (w, r), shape (n_x + k, n_w + p), in SI.
         preview_index: Sample of the controller at which each prediction sample lies.
@@ -70,10 +68,8 @@ class Prediction:
     g_before: Matrix
     A: Matrix
     rows_estimate: Matrix
-    lower_a: Matrix
-    upper_a: Matrix
-    lower_x: Matrix
-    upper_x: Matrix
+    lower: Matrix
+    upper: Matrix
     gain: Matrix
     target: Matrix
     preview_index: tuple[int, ...]
@@ -113,7 +109,7 @@ def condense(
     *,
     weights: tuple[npt.ArrayLike, npt.ArrayLike, npt.ArrayLike],
     prediction_time: float,
-    stride: int,
+    sample_time: float,
     blocks: tuple[int, ...],
     opening_limits: tuple[npt.ArrayLike, npt.ArrayLike],
     move_limit: npt.ArrayLike,
@@ -131,7 +127,7 @@ def condense(
         weights: Weights of the errors of the followed outputs, shape (p,), per SI squared; of
             openings and of changes of openings, shape (k,), dimensionless.
         prediction_time: Time between prediction samples, in s.
-        stride: The same in samples of the controller.
+        sample_time: Time between samples of the controller, in s.
         blocks: Lengths of the moves, in prediction samples.
         opening_limits: Lowest and highest openings, shape (k,), deviations, fractions.
         move_limit: Largest changes of the openings from block to block, shape (n_blocks * k,),
@@ -171,12 +167,12 @@ def condense(
                 "the cost of an MPC's changed problem has no minimum: its Hessian has the"
                 f" eigenvalue {least:.3g}; add squares, take none away"
             )
+    stride = max(1, round(prediction_time / sample_time))
+    lowest, highest = (np.tile(np.broadcast_to(ends, k), len(blocks)) for ends in opening_limits)
     return Prediction(
         *found,
-        lower_a=lower,
-        upper_a=upper,
-        lower_x=np.append(np.tile(np.broadcast_to(opening_limits[0], k), len(blocks)), 0.0),
-        upper_x=np.append(np.tile(np.broadcast_to(opening_limits[1], k), len(blocks)), 1e6),
+        lower=np.concatenate([lower, lowest, [0.0]]),
+        upper=np.concatenate([upper, highest, [1e6]]),
         gain=gain,
         target=target,
         preview_index=tuple(stride * (j + 1) for j in range(N)),

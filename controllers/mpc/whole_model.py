@@ -34,10 +34,9 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, NamedTuple
 
-import casadi as ca
 import numpy as np
 
-from controllers.arithmetic import ARRAYS, Arithmetic, Number
+from controllers.arithmetic import ARRAYS
 from controllers.c_source import CSource
 from controllers.design import Design
 from controllers.joint.model import OpeningInput, opening_input
@@ -211,8 +210,8 @@ class LinearMPC(ValveController):
         limited = product(p.rows_estimate, estimate).T
         n, rows = p.size
         limits = np.empty((2, *limited.shape[:-1], rows + n))
-        limits[0, ..., :rows], limits[0, ..., rows:] = p.lower_a - limited, p.lower_x
-        limits[1, ..., :rows], limits[1, ..., rows:] = p.upper_a - limited, p.upper_x
+        limits[0], limits[1] = p.lower, p.upper
+        limits[..., :rows] -= limited
         limits[..., :m] += before.T
         lower, upper = limits.reshape(2, -1, rows + n)
         solver, moves, solved = quadratic_program(n, rows, self.solver), [], []
@@ -225,7 +224,8 @@ class LinearMPC(ValveController):
             moves.append(move)
             solved.append((found, slack))
         # NumPy's own clip takes longer than all of them for a few numbers.
-        within = np.minimum(np.maximum(moves, p.lower_x[:m]), p.upper_x[:m])
+        first = slice(rows, rows + m)
+        within = np.minimum(np.maximum(moves, p.lower[first]), p.upper[first])
         openings = np.minimum(np.maximum(within + self.rest_opening, -1.0), 1.0)
         opening = openings.T.reshape(before.shape)
         predicted = o.predict(estimate, (opening.T - self.rest_opening).T)
@@ -242,32 +242,6 @@ class LinearMPC(ValveController):
         leap = np.array(self.leap or (0.0,) * len(before))
         pace = np.array(self.pace)
         return np.asarray(paced(reference - before, moved, pace, brake, leap, ARRAYS))
-
-    def linear_law(
-        self,
-        state: MPCState,
-        measurement: tuple[Number, ...],
-        reference: tuple[Number, ...],
-        arithmetic: Arithmetic,
-        rest: Measurement,
-    ) -> tuple[tuple[Number, ...], MPCState]:
-        """Return commands and next state on symbols where no constraint is active.
-
-        What is previewed changes nothing of how they follow measurements.
-        """
-        F, G, H, J = self.around_rest()
-        count, o = len(self.controlled), self.observer
-        followed, opening = o.rest[:count], np.asarray(self.rest_opening)
-        at_rest = np.concatenate([np.zeros(len(o.F)), opening, followed, followed])
-        entered = np.concatenate([o.rest, followed])
-        places = np.cumsum([0, len(o.F), len(opening), count, count]).tolist()
-        now = ca.vcat(reference[:count])
-        z = ca.vertcat(*state[:4]) - at_rest
-        m = ca.vertcat(ca.vcat(measurement), now) - entered
-        predicted, before, filtered, target = ca.vertsplit(F @ z + G @ m + at_rest, places)
-        paced = ca.vertcat(now, 0.0 * now) if self.pace else None
-        following = MPCState(predicted, before, filtered, target, paced)
-        return tuple(ca.vertsplit(H @ z + J @ m)), following
 
     def around_rest(self) -> LinearLaw:
         """Return the law without preview within its limits, from measurements and references."""
@@ -294,25 +268,15 @@ class LinearMPC(ValveController):
         n, m = p.size
         n_z, sensors, N, followed = len(o.F), len(self.sensors), p.samples, len(self.controlled)
         openings = len(self.rest_opening)
-        tables = {
-            "F": o.F,
-            "G": o.G,
-            "C": o.C,
-            "M": o.M,
-            "REST": o.rest,
-            "START": self.start,
-            "G_ESTIMATE": p.g_estimate,
-            "G_REFERENCE": p.g_reference,
-            "G_BEFORE": p.g_before,
-            "ROWS_ESTIMATE": p.rows_estimate,
-            "LOWER": np.concatenate([p.lower_a, p.lower_x]),
-            "UPPER": np.concatenate([p.upper_a, p.upper_x]),
-            "TARGET": p.target,
-            "GAIN": p.gain,
-            "INVERSE": p.factors.inverse,
-            "ROWS": p.factors.rows,
-            "SIZES": p.factors.sizes,
-        }
+        parts: tuple[tuple[Any, tuple[str, ...]], ...] = (
+            (o, ("F", "G", "C", "M", "rest")),
+            (self, ("start",)),
+            (p, ("g_estimate", "g_reference", "g_before", "rows_estimate")),
+            (p, ("lower", "upper", "target", "gain")),
+            (p.factors, ("inverse", "rows", "sizes")),
+            (self, ("rest_opening",)),
+        )
+        tables = {name.upper(): getattr(own, name) for own, every in parts for name in every}
         defined: dict[str, float | int | str] = {
             "N_Z": n_z,
             "N_W": o.disturbances,
@@ -322,7 +286,6 @@ class LinearMPC(ValveController):
             "FOLLOWED": followed,
             "SLACK_SCALE": p.slack_scale,
         }
-        tables["REST_OPENING"] = np.asarray(self.rest_opening)
         if self.preview:
             defined["PREVIEW_STRIDE"] = p.preview_index[0]
         else:
@@ -367,14 +330,6 @@ def told(
         "slack": slack,
         "fallback": 0.0 if solution.solved else 1.0,
     }
-
-
-def reference_path(fresh: float, index: tuple[int, ...]) -> Matrix:
-    """Return the trajectory of the second lag per (reference, filtered, target)."""
-    k = np.array(index)
-    kept = (1.0 - fresh) ** k
-    passed = k * fresh * kept
-    return np.column_stack([1.0 - kept - passed, passed, kept])
 
 
 @dataclass(frozen=True)
@@ -524,7 +479,7 @@ def mpc_of(
         observer.C[: followed + len(problem.output_limits), : len(A)],
         weights=problem.weights,
         prediction_time=want.prediction_time,
-        stride=max(1, round(want.prediction_time / want.sample_time)),
+        sample_time=want.sample_time,
         blocks=want.blocks,
         opening_limits=(lower, upper),
         move_limit=moves,
@@ -613,11 +568,14 @@ def _begun_later(prediction: Prediction, ahead: Matrix, samples: int) -> Predict
 
 
 def reference_paths(speeds: Sequence[float], sample_time: float, index: tuple[int, ...]) -> Matrix:
-    """Return the trajectories of references, shape (p, N, 3), as of `LinearMPC`.
+    """Return the trajectories of references behind two lags, as `LinearMPC` has them.
 
-    Their lags have speeds in rad/s, and are sampled every so many s.
+    The lags have speeds in rad/s, and are sampled every so many s.
     """
-    return np.array([reference_path(speed * sample_time, index) for speed in speeds])
+    k, fresh = np.array(index), np.array(speeds)[:, None] * sample_time
+    kept = (1.0 - fresh) ** k
+    passed = k * fresh * kept
+    return np.stack([1.0 - kept - passed, passed, kept], axis=2)
 
 
 def _entries(linear: LinearModel, problem: Problem) -> list[OpeningInput]:

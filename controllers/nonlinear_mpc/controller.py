@@ -44,7 +44,6 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from controllers.nonlinear_mpc.observer import ExtendedKalmanFilter
 from controllers.nonlinear_mpc.prediction import (
@@ -56,7 +55,7 @@ from controllers.nonlinear_mpc.prediction import (
     shooting,
 )
 from controllers.protocol import Command, Info, Measurement, Reference
-from controllers.quadratic_program.solver import quadratic_program
+from controllers.quadratic_program.solver import Solution, quadratic_program
 from controllers.reference.horizon import ReferenceAhead
 from controllers.reference.planned import Planner
 from controllers.specification import Checked, number
@@ -174,16 +173,13 @@ class Step(NamedTuple):
     Args:
         plan: New openings, shape (N,), fractions.
         trajectory: New scaled states, shape (n_p, N + 1).
-        slack: Pressure out of the limits, in Pa.
-        iterations: Its number of iterations (dimensionless).
+        slack: Pressure out of the limits, in Pa; NaN where the program was not solved.
     """
 
     plan: Matrix
     trajectory: Matrix
     slack: float
-    solved: bool
-    status: str
-    iterations: float
+    solution: Solution
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -258,7 +254,7 @@ class NonlinearMPC(ValveController):
             plan, trajectory, self.predicted(estimate), estimate[n:], path, state.plan[0]
         )
         moves, trajectory = step.plan, step.trajectory
-        if not step.solved:
+        if not step.solution.solved:
             # The plan goes on; its trajectory is started anew, in case that it was what failed.
             moves = np.where(np.isfinite(plan), plan, 0.0)
             trajectory = np.tile(self.predicted(estimate)[:, None], (1, want.stages + 1))
@@ -272,11 +268,11 @@ class NonlinearMPC(ValveController):
             following, covariance = self.observer.initial(measurement, voltage)
         info: Mapping[str, float | str] = {
             "opening": opening,
-            "status": step.status,
-            "iterations": step.iterations,
+            "status": step.solution.status,
+            "iterations": step.solution.iterations,
             "solve_time": time.perf_counter() - began,
             "slack": step.slack,
-            "fallback": 0.0 if step.solved and not lost else 1.0,
+            "fallback": 0.0 if step.solution.solved and not lost else 1.0,
             **self.observer.parameters(estimate),
         }
         memory = NonlinearMPCState(following, covariance, moves, trajectory, voltage, ahead)
@@ -356,22 +352,14 @@ class NonlinearMPC(ValveController):
             H,
             g,
             A,
-            np.concatenate([low - pressures, -endless]),
-            np.concatenate([endless, high - pressures]),
-            np.append(-want.opening_limit - plan, 0.0),
-            np.append(want.opening_limit - plan, np.inf),
+            np.concatenate([low - pressures, -endless, -want.opening_limit - plan, [0.0]]),
+            np.concatenate([endless, high - pressures, want.opening_limit - plan, [np.inf]]),
         )
         if not solution.solved:
-            return Step(plan, trajectory, float("nan"), False, solution.status, solution.iterations)
+            return Step(plan, trajectory, math.nan, solution)
         d = solution.x[:N]
-        return Step(
-            plan + d,
-            np.column_stack([start, (free + moves @ d).T]),
-            float(solution.x[N]) * _UNIT_PRESSURE,
-            True,
-            solution.status,
-            solution.iterations,
-        )
+        trajectory = np.column_stack([start, (free + moves @ d).T])
+        return Step(plan + d, trajectory, float(solution.x[N]) * _UNIT_PRESSURE, solution)
 
     def _rows(self) -> list[int]:
         names = self.prediction.names
@@ -395,7 +383,6 @@ def design_nonlinear_mpc(
     model: Model,
     specification: NonlinearMPCSpecification | None = None,
     *,
-    rest: npt.ArrayLike | None = None,
     compile_function: Compile | None = None,
 ) -> NonlinearMPC:
     """Design a nonlinear MPC on a prediction model.
@@ -403,8 +390,6 @@ def design_nonlinear_mpc(
     Args:
         model: The prediction model, with a 5/3 valve and the states ``angle``, ``speed``,
             ``pressure_1`` and ``pressure_2``; leave out what the controller shall not know.
-        rest: States about which it starts, shape (n_states,), in SI; the model's initial state by
-            default.
         compile_function: Makes machine code of a CasADi function; interpreted by default.
     """
     want = specification or NonlinearMPCSpecification()
@@ -426,7 +411,7 @@ def design_nonlinear_mpc(
     stage = discrete(ahead, want.stage_time, want.steps, "nmpc_stage")
     ambient = {q.name: q.value for q in model.parameters}.get("ambient_pressure", 0.0)
     low, high = want.pressure_limits
-    start = model.initial_state() if rest is None else np.asarray(rest, dtype=float)
+    start = model.initial_state()
     walk["speed"] = want.torque_walk / model.signals(start, model.nominal_input)["joint.inertia"]
     walks = np.array([*walk.values(), *want.unknown.values()]) / behind.unit
     rates, unsure = walks[: len(walk)], walks[len(walk) :]

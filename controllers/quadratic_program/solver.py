@@ -130,25 +130,14 @@ class CompiledProgram:
             for array in (*kept, self._g, self._lower, self._upper, self._x, self._count)
         ]
 
-    def solve(
-        self,
-        H: Matrix,
-        g: Matrix,
-        A: Matrix,
-        lower_a: Matrix,
-        upper_a: Matrix,
-        lower_x: Matrix,
-        upper_x: Matrix,
-    ) -> Solution:
-        """Factor and solve one problem; limits are in the units of rows and variables."""
+    def solve(self, H: Matrix, g: Matrix, A: Matrix, lower: Matrix, upper: Matrix) -> Solution:
+        """Factor and solve one problem, with limits as in `solve_factored`."""
         began = time.perf_counter()
         self._H[:], self._A[:] = H, A
         if self._library.factor(*self._to_factor):
             return Solution(np.full(len(g), np.nan), False, NOT_FINITE, 0.0, 0.0)
-        problem = self._factored = Factored(self._inverse, self._rows, self._sizes)
-        found = self.solve_factored(
-            problem, g, np.concatenate([lower_a, lower_x]), np.concatenate([upper_a, upper_x])
-        )
+        self._factored = Factored(self._inverse, self._rows, self._sizes)
+        found = self.solve_factored(self._factored, g, lower, upper)
         return found._replace(seconds=time.perf_counter() - began)
 
     def solve_factored(
@@ -201,23 +190,15 @@ class ConicProgram:
         self._solver = ca.conic("program", plugin, sparsity, options)
         self._rows = constraints
 
-    def solve(
-        self,
-        H: Matrix,
-        g: Matrix,
-        A: Matrix,
-        lower_a: Matrix,
-        upper_a: Matrix,
-        lower_x: Matrix,
-        upper_x: Matrix,
-    ) -> Solution:
+    def solve(self, H: Matrix, g: Matrix, A: Matrix, lower: Matrix, upper: Matrix) -> Solution:
         """Solve one problem, as `CompiledProgram.solve`."""
         began, x, count = time.perf_counter(), np.full(len(g), np.nan), 0
-        given = {"h": H, "g": g, "a": A, "lba": lower_a, "uba": upper_a}
-        given |= {"lbx": lower_x, "ubx": upper_x}
+        m = self._rows
+        given = {"h": H, "g": g, "a": A, "lba": lower[:m], "uba": upper[:m]}
+        given |= {"lbx": lower[m:], "ubx": upper[m:]}
         if any(np.isnan(value).any() for value in given.values()):
             status = NOT_FINITE
-        elif np.any(lower_a > upper_a) or np.any(lower_x > upper_x):
+        elif np.any(lower > upper):
             status = INFEASIBLE
         else:
             x, stats = self._solver(**given)["x"].full().ravel(), self._solver.stats()
@@ -234,8 +215,7 @@ class ConicProgram:
         """Solve a factored problem, in its units, as `CompiledProgram.solve_factored`."""
         root = np.linalg.inv(problem.inverse)
         rows = (problem.rows * problem.sizes[:, None])[: self._rows] @ root
-        m = self._rows
-        return self.solve(root.T @ root, g, rows, lower[:m], upper[:m], lower[m:], upper[m:])
+        return self.solve(root.T @ root, g, rows, lower, upper)
 
 
 @lru_cache(maxsize=32)
@@ -247,7 +227,7 @@ def quadratic_program(
     Example:
         >>> one = np.ones(1)
         >>> qp = quadratic_program(1, 1)
-        >>> qp.solve(np.eye(1), -3 * one, np.eye(1), -one, one, -9 * one, 9 * one).x
+        >>> qp.solve(np.eye(1), -3 * one, np.eye(1), np.array([-1, -9]), np.array([1, 9])).x
         array([1.])
     """
     check_choice("solver", solver, (OWN, *OPTIONS))

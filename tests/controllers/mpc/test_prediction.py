@@ -27,7 +27,7 @@ def test_a_quick_output_leaves_the_slow_states_of_its_plant_alone() -> None:
         np.array([[0.0, 0.0, 1.0]]),
         weights=(1.0, 10.0, 1.0),
         prediction_time=1e-4,
-        stride=1,
+        sample_time=1e-4,
         blocks=(1,) * 10 + (3,) * 10,
         opening_limits=(-1.0, 1.0),
         move_limit=1.0,

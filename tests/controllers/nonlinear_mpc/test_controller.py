@@ -117,7 +117,7 @@ def test_the_step_iterated_is_the_converged_solution(plant: Model, tight: bool) 
     plan, trajectory = np.zeros(N), np.tile(start[:, None], (1, N + 1))
     for _ in range(60):
         step = mpc.improve(plan, trajectory, start, w, path, 0.0)
-        assert step.solved
+        assert step.solution.solved
         change = float(np.abs(step.plan - plan).max())
         plan, trajectory = step.plan, step.trajectory
         if change < 1e-8:
