@@ -38,7 +38,7 @@ freedom, filter, back-calculation), 6.4 (pole placement), 9.3 (gain scheduling),
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -48,10 +48,16 @@ from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
 from controllers.joint.at_one_point import LaggedReference
 from controllers.joint.model import JointModel, joint_model
 from controllers.joint.schedule import JointSchedule
-from controllers.joint.tracking import Tracking, TrackingSpecification, arrived_opening
+from controllers.joint.tracking import (
+    Context,
+    TrackedLaw,
+    Tracking,
+    TrackingSpecification,
+    arrived_opening,
+)
 from controllers.sensitivity import peak_sensitivities
 from controllers.specification import Checked, number
-from controllers.valve_inverse import ValveInverse, ValveLaw, joint_design
+from controllers.valve_inverse import ValveInverse, joint_design
 from workbench.errors import WorkbenchError, check_range
 from workbench.linearisation import LinearModel
 from workbench.linearisation.state_space import linear_model
@@ -67,7 +73,7 @@ class Gains(NamedTuple):
 
 
 @dataclass(frozen=True)
-class FixedGains:
+class FixedGains(Checked):
     """Gains given by hand, the same everywhere.
 
     Args:
@@ -77,15 +83,10 @@ class FixedGains:
         inner: Inner gain K_inner, opening fraction per Pa.
     """
 
-    proportional: float
-    integral: float
-    derivative: float
-    inner: float
-
-    def __post_init__(self) -> None:
-        for name in ("proportional", "integral", "derivative"):
-            check_range(f"{name} gain", getattr(self, name), 0.0, 1e12)
-        check_range("inner gain", self.inner, 1e-12, 1.0, "per Pa")
+    proportional: float = number(MISSING, 0.0, 1e12, words="proportional gain")
+    integral: float = number(MISSING, 0.0, 1e12, words="integral gain")
+    derivative: float = number(MISSING, 0.0, 1e12, words="derivative gain")
+    inner: float = number(MISSING, 1e-12, 1.0, "per Pa", "inner gain")
 
     def at(self, joint: JointModel, arithmetic: Arithmetic) -> Gains:
         """Return the gains."""
@@ -149,7 +150,7 @@ class PIDState(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class CascadePID(ValveLaw):
+class CascadePID(TrackedLaw):
     """Cascaded PID on angle and pressure difference.
 
     Args:
@@ -196,11 +197,10 @@ class CascadePID(ValveLaw):
         error = (self.derivative_weight - 1.0) * angle if self.derivative_weight != 1.0 else 0.0
         return PIDState(front, held, 0.0, error, 0.0)
 
-    def law(
-        self, state: PIDState, measurement: Numbers, reference: Numbers, arithmetic: Arithmetic
-    ) -> tuple[Numbers, PIDState, Told]:
+    def feedback(
+        self, state: PIDState, now: Context, arithmetic: Arithmetic
+    ) -> tuple[Number, PIDState, Told]:
         h = self.sample_time
-        now, front = self.tracking.context(state.tracking, measurement, reference[0], arithmetic)
         kp, ki, kd, inner = self.gains.at(now.joint, arithmetic)
         target, b = now.plan.angle, now.joint.b
         fade = self.derivative_filter / (self.derivative_filter + h)
@@ -220,20 +220,14 @@ class CascadePID(ValveLaw):
         back = b * (clipped - opening) / (inner * self.tracking_time)
         if within is not asked:
             back = back + b * (within - asked) / self.tracking_time
-        front = self.tracking.sent(front, clipped, arithmetic)
-        following = PIDState(
-            front,
-            state.integral + h * (ki * (target - now.angle) + back),
-            derivative,
-            weighted,
-            arrived_opening(state.arrived, clipped - now.opening, self.lag, h),
+        following = state._replace(
+            integral=state.integral + h * (ki * (target - now.angle) + back),
+            derivative=derivative,
+            error=weighted,
+            arrived=arrived_opening(state.arrived, clipped - now.opening, self.lag, h),
         )
-        info = {
-            "opening": clipped,
-            "plan": target,
-            "asked_difference": within + (clipped - opening) / inner,
-        }
-        return (self.tracking.command(self.valve, front, clipped, arithmetic),), following, info
+        told = {"asked_difference": within + (clipped - opening) / inner}
+        return clipped, following, told
 
 
 def cascade_pid(

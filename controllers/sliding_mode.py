@@ -56,9 +56,15 @@ from controllers.joint.at_one_point import ReferenceModel
 from controllers.joint.model import joint_model
 from controllers.joint.observer import design_joint_observer
 from controllers.joint.schedule import JointSchedule
-from controllers.joint.tracking import Tracking, TrackingSpecification, arrived_opening
+from controllers.joint.tracking import (
+    Context,
+    TrackedLaw,
+    Tracking,
+    TrackingSpecification,
+    arrived_opening,
+)
 from controllers.specification import Checked, number
-from controllers.valve_inverse import ACTUATORS, SENSORS, ValveLaw
+from controllers.valve_inverse import ACTUATORS, SENSORS
 from workbench.errors import check_choice, check_range
 from workbench.linearisation import LinearModel
 from workbench.linearisation.state_space import linear_model
@@ -83,7 +89,7 @@ class SlidingModeState(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class SlidingMode(ValveLaw):
+class SlidingMode(TrackedLaw):
     """Sliding mode with observer.
 
     Args:
@@ -122,15 +128,10 @@ class SlidingMode(ValveLaw):
     ) -> SlidingModeState:
         return SlidingModeState(self.tracking.start(measurement, arithmetic).state, 0.0, 0.0, 0.0)
 
-    def law(
-        self,
-        state: SlidingModeState,
-        measurement: Numbers,
-        reference: Numbers,
-        arithmetic: Arithmetic,
-    ) -> tuple[Numbers, SlidingModeState, Told]:
+    def feedback(
+        self, state: SlidingModeState, now: Context, arithmetic: Arithmetic
+    ) -> tuple[Number, SlidingModeState, Told]:
         h, lam = self.sample_time, self.slope
-        now, front = self.tracking.context(state.tracking, measurement, reference[0], arithmetic)
         joint = now.joint
         x = now.plan.angle - now.angle
         dx = now.plan.speed - now.speed
@@ -158,20 +159,12 @@ class SlidingMode(ValveLaw):
         free = arithmetic.where(arithmetic.largest(opening, -opening) < 1.0, 1.0, 0.0)
         twisted = 1.1 * self.rate_bound * side if self.kind == "super-twisting" else 0.0
         summed = 0.0 if self.kind == "boundary layer" else x
-        front = self.tracking.sent(front, clipped, arithmetic)
-        following = SlidingModeState(
-            front,
-            state.error_integral + free * h * summed,
-            state.twist + free * h * twisted,
-            arrived_opening(state.arrived, clipped - now.opening, self.lag, h),
+        following = state._replace(
+            error_integral=state.error_integral + free * h * summed,
+            twist=state.twist + free * h * twisted,
+            arrived=arrived_opening(state.arrived, clipped - now.opening, self.lag, h),
         )
-        info = {
-            "opening": clipped,
-            "surface": surface,
-            "speed": now.speed,
-            "plan": now.plan.angle,
-        }
-        return (self.tracking.command(self.valve, front, clipped, arithmetic),), following, info
+        return clipped, following, {"surface": surface, "speed": now.speed}
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ from typing import Any
 from workbench.errors import check_range
 
 
-def number(default: float, lower: float, upper: float, unit: str = "", words: str = "") -> Any:
+def number(default: Any, lower: float, upper: float, unit: str = "", words: str = "") -> Any:
     """Return a field of a `Checked` dataclass, whose value lies in a range, in a unit.
 
     Args:
-        default: Its default value, in ``unit``.
+        default: Its default value, in ``unit``; `dataclasses.MISSING` for none.
         lower: Smallest valid value, in ``unit``.
         upper: Largest valid value, in ``unit``.
         words: What the number is, as the user knows it; by default its name.

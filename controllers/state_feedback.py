@@ -40,14 +40,16 @@ from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
 from controllers.joint.model import JointModel
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import (
+    Context,
     JointTracking,
+    TrackedLaw,
     TrackingSpecification,
     TrackingState,
     arrived_opening,
 )
 from controllers.riccati import regulator
 from controllers.specification import number
-from controllers.valve_inverse import ValveLaw, joint_design
+from controllers.valve_inverse import joint_design
 from workbench.arrays import Matrix
 from workbench.errors import check_range
 from workbench.linearisation.zero_order_hold import zero_order_hold
@@ -67,7 +69,7 @@ class StateFeedbackState(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class StateFeedback(ValveLaw):
+class StateFeedback(TrackedLaw):
     """Gain-scheduled LQI with planned reference and Kalman filter.
 
     Args:
@@ -89,14 +91,9 @@ class StateFeedback(ValveLaw):
     ) -> StateFeedbackState:
         return StateFeedbackState(self.tracking.start(measurement, arithmetic).state, 0.0, 0.0)
 
-    def law(
-        self,
-        state: StateFeedbackState,
-        measurement: Numbers,
-        reference: Numbers,
-        arithmetic: Arithmetic,
-    ) -> tuple[Numbers, StateFeedbackState, Told]:
-        now, front = self.tracking.context(state.tracking, measurement, reference[0], arithmetic)
+    def feedback(
+        self, state: StateFeedbackState, now: Context, arithmetic: Arithmetic
+    ) -> tuple[Number, StateFeedbackState, Told]:
         schedule = self.tracking.schedule
         place = arithmetic.place(
             now.angle, schedule.first_angle, schedule.spacing, len(self.gains[0])
@@ -113,14 +110,12 @@ class StateFeedback(ValveLaw):
         opening = now.opening - asked
         clipped = arithmetic.clip(opening, -1.0, 1.0)
         free = arithmetic.where(arithmetic.largest(opening, -opening) < 1.0, 1.0, 0.0)
-        front = self.tracking.sent(front, clipped, arithmetic)
-        following = StateFeedbackState(
-            front,
-            state.error_integral + free * self.sample_time * x,
-            arrived_opening(state.arrived, clipped - now.opening, self.lag, self.sample_time),
+        sent = clipped - now.opening
+        following = state._replace(
+            error_integral=state.error_integral + free * self.sample_time * x,
+            arrived=arrived_opening(state.arrived, sent, self.lag, self.sample_time),
         )
-        info = {"opening": clipped, "plan": now.plan.angle}
-        return (self.tracking.command(self.valve, front, clipped, arithmetic),), following, info
+        return clipped, following, {}
 
 
 def error_dynamics(joint: JointModel) -> tuple[Matrix, Matrix]:

@@ -25,12 +25,18 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from controllers.anti_windup import anti_windup
-from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Rows, Told, rows, total
+from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Rows, Told, rows, total
 from controllers.h_infinity.synthesis import Weights, joint_behind_pressure_loop, synthesise
 from controllers.joint.schedule import JointSchedule
-from controllers.joint.tracking import JointTracking, TrackingSpecification, TrackingState
+from controllers.joint.tracking import (
+    Context,
+    JointTracking,
+    TrackedLaw,
+    TrackingSpecification,
+    TrackingState,
+)
 from controllers.specification import number
-from controllers.valve_inverse import ValveLaw, joint_design
+from controllers.valve_inverse import joint_design
 from workbench.errors import check_range
 
 
@@ -42,7 +48,7 @@ class HInfinityState(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class HInfinity(ValveLaw):
+class HInfinity(TrackedLaw):
     """H-infinity controller with planned reference, scheduled around.
 
     Args:
@@ -78,14 +84,9 @@ class HInfinity(ValveLaw):
         front = self.tracking.start(measurement, arithmetic).state
         return HInfinityState(front, tuple(0.0 for _ in self.B))
 
-    def law(
-        self,
-        state: HInfinityState,
-        measurement: Numbers,
-        reference: Numbers,
-        arithmetic: Arithmetic,
-    ) -> tuple[Numbers, HInfinityState, Told]:
-        now, front = self.tracking.context(state.tracking, measurement, reference[0], arithmetic)
+    def feedback(
+        self, state: HInfinityState, now: Context, arithmetic: Arithmetic
+    ) -> tuple[Number, HInfinityState, Told]:
         z, joint = state.controller, now.joint
         x = now.plan.angle - now.angle
         a = total(self.D * x, self.C, z)
@@ -99,10 +100,7 @@ class HInfinity(ValveLaw):
             total(b * x + gain * missing, row, z)
             for row, b, gain in zip(self.A, self.B, self.L, strict=True)
         )
-        info = {"opening": clipped, "plan": now.plan.angle}
-        front = self.tracking.sent(front, clipped, arithmetic)
-        command = self.tracking.command(self.valve, front, clipped, arithmetic)
-        return (command,), HInfinityState(front, following), info
+        return clipped, state._replace(controller=following), {}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -30,7 +30,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -38,7 +38,7 @@ import numpy as np
 from controllers.joint.model import JointModel
 from controllers.specification import Checked, number
 from workbench.arrays import Matrix
-from workbench.errors import NumericalError, check_range, missing_package
+from workbench.errors import NumericalError, missing_package
 
 System = tuple[Matrix, Matrix, Matrix, Matrix]
 """Matrices A, B, C and D of a system in continuous time."""
@@ -62,7 +62,7 @@ class Weights(Checked):
         paces: Speed for each output over the speed, ratios; alike by default.
     """
 
-    speed: float
+    speed: float = number(MISSING, 0.1, 1e3, "rad/s", "speed of the performance weight")
     peak: float = number(2.0, 1.0, 10.0, words="peak of the performance weight")
     floor: float = number(1e-3, 1e-9, 0.5, words="floor of the performance weight")
     input_size: float = number(8.0, 1e-3, 1e6, words="size of the input")
@@ -72,10 +72,6 @@ class Weights(Checked):
     disturbance: float = number(0.3, 1e-6, 1e3, words="size of the disturbance")
     beside: float = number(0.1, 1e-6, 1e3, words="error of a further measurement")
     paces: tuple[float, ...] = ()
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_range("speed of the performance weight", self.speed, 0.1, 1e3, "rad/s")
 
     def performance(self, pace: float = 1.0) -> System:
         """Return W1 of an output whose pace over the speed is a ratio."""
@@ -223,13 +219,13 @@ def generalised_plant(plant: System, weights: Weights, followed: int | None = No
     entries[n : n + p, :p] = b1
     entries[:n, p : p + m] = B[:, :m] * weights.disturbance * weights.speed**2
     entries[:n, sensors + m :] = B[:, m:]
-    outputs = np.vstack(
+    outputs = np.block(
         [
-            np.hstack([-d1 @ first, c1, square]),
-            np.zeros((m, n + 2 * p)),
-            np.hstack([d3 @ first, square, c3]),
-            np.hstack([-first, square, square]),
-            np.hstack([-C[p:], none, none]),
+            [-d1 @ first, c1, square],
+            [np.zeros((m, n + 2 * p))],
+            [d3 @ first, square, c3],
+            [-first, square, square],
+            [-C[p:], none, none],
         ]
     )
     direct = np.zeros((2 * p + m + sensors, sensors + 2 * m))

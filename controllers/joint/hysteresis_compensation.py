@@ -18,18 +18,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import MISSING, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from controllers.arithmetic import Arithmetic, Number
-from workbench.errors import WorkbenchError, check_range
+from controllers.specification import Checked, number
+from workbench.errors import WorkbenchError
 from workbench.model import Model
 
 
 @dataclass(frozen=True)
-class HysteresisCompensation:
+class HysteresisCompensation(Checked):
     """Fitted hysteresis of two muscles as the joint feels it.
 
     Args:
@@ -40,18 +41,11 @@ class HysteresisCompensation:
         torque_per_difference: Torque per pressure difference, in N m/Pa.
     """
 
-    level: float
-    slope: float
-    breakaway: float
-    lever: float
-    torque_per_difference: float
-
-    def __post_init__(self) -> None:
-        check_range("half width of the hysteresis", self.level, 0.0, 1e4, "N")
-        check_range("growth of the hysteresis", self.slope, 0.0, 1e-2, "N/Pa")
-        check_range("breakaway of the hysteresis", self.breakaway, 1e-6, 1.0, "m")
-        check_range("lever of the muscles", self.lever, 1e-4, 10.0, "m")
-        check_range("torque per pressure difference", self.torque_per_difference, 1e-9, 1.0)
+    level: float = number(MISSING, 0.0, 1e4, "N", "half width of the hysteresis")
+    slope: float = number(MISSING, 0.0, 1e-2, "N/Pa", "growth of the hysteresis")
+    breakaway: float = number(MISSING, 1e-6, 1.0, "m", "breakaway of the hysteresis")
+    lever: float = number(MISSING, 1e-4, 10.0, "m", "lever of the muscles")
+    torque_per_difference: float = number(MISSING, 1e-9, 1.0)
 
     def difference(self, turn: Number, mean: Number) -> Number:
         """Return the pressure difference lost at a position z and a mean pressure, in Pa."""

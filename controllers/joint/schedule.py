@@ -25,6 +25,7 @@ from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.joint.model import JointModel, joint_model
 from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
+from workbench.linearisation import LinearModel
 from workbench.linearisation.operating_map import OperatingMap
 
 NAMES = ("b", "a1", "a0", "g", "e", "d", "opening", "difference")
@@ -132,22 +133,15 @@ def joint_schedule(found: OperatingMap) -> JointSchedule:
             f"a schedule needs two mean pressures, not {len(mean_pressures)}; make the map with"
             " mean_pressure = 2.8e5 and 3.6e5 Pa"
         )
-    tables = []
-    for k in range(2):
-        table = np.full((len(NAMES), len(theta)), np.nan)
-        for i in range(len(theta)):
-            if (i, k) in found.models:
-                joint = joint_model(found.models[i, k])
-                table[:, i] = [getattr(joint, name) for name in NAMES]
-        tables.append(_filled(theta, table, float(mean_pressures[k])))
-    return JointSchedule(
-        float(theta[0]),
-        float(steps[0]),
-        tables[0],
-        tables[1],
-        float(mean_pressures[0]),
-        float(mean_pressures[1]),
-    )
+
+    def numbers(linear: LinearModel) -> list[float]:
+        joint = joint_model(linear)
+        return [getattr(joint, name) for name in NAMES]
+
+    means = mean_pressures.tolist()
+    whole = np.moveaxis(found.table(numbers), 0, -1)
+    low, high = (_filled(theta, table, mean) for table, mean in zip(whole, means, strict=True))
+    return JointSchedule(float(theta[0]), float(steps[0]), low, high, *means)
 
 
 def _filled(theta: Vector, table: Vector, mean: float) -> tuple[tuple[float, ...], ...]:

@@ -47,10 +47,11 @@ Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots,
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass
 from typing import Any, NamedTuple
 
 from controllers.arithmetic import Arithmetic, Number
+from controllers.specification import Checked, number
 from workbench.errors import check_range
 
 
@@ -87,7 +88,7 @@ class PlannerState(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Planner:
+class Planner(Checked):
     """Planner of one reference.
 
     Args:
@@ -104,26 +105,25 @@ class Planner:
         renewal: Duration from which a move is planned anew half way, in s; infinite for never.
     """
 
-    jerk: float
-    acceleration: float
-    speed: float
+    jerk: float = number(MISSING, 1e-6, 1e9, "rad/s3", "jerk of the planned reference")
+    acceleration: float = number(
+        MISSING, 1e-6, 1e9, "rad/s2", "acceleration of the planned reference"
+    )
+    speed: float = number(MISSING, 1e-6, 1e9, "rad/s", "speed of the planned reference")
     shortest: float = 0.02
     jump_speed: float = 8.0
     jump_acceleration: float = 150.0
     sample_time: float = 0.002
     reach: float = 0.1
     bandwidth: float = 0.0
-    jump: float = 0.02
+    jump: float = number(0.02, 1e-12, 1e9, "rad", "jump of a rough reference")
     renewal: float = math.inf
 
     def __post_init__(self) -> None:
-        check_range("jerk of the planned reference", self.jerk, 1e-6, 1e9, "rad/s3")
-        check_range("acceleration of the planned reference", self.acceleration, 1e-6, 1e9, "rad/s2")
-        check_range("speed of the planned reference", self.speed, 1e-6, 1e9, "rad/s")
+        super().__post_init__()
         check_range("shortest planned move", self.shortest, self.sample_time, 1e3, "s")
         top = 0.5 / self.sample_time
         check_range("bandwidth of the reference filter", self.bandwidth, 0.0, top, "rad/s")
-        check_range("jump of a rough reference", self.jump, 1e-12, 1e9, "rad")
 
     def start(self, angle: Number) -> PlannerState:
         """Return the state of a reference at rest at an angle, in rad."""
