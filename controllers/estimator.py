@@ -164,16 +164,14 @@ def design_estimator(
         gain, _ = _filtered(f, c, chosen, walk, p)
         gains.append(gain * size[:, None] / noise[None, :])
     K, K_reference = _inner(phi, gamma, outputs[led], own, tolerance, reach, A, B)
-    held = np.vstack(
+    held = np.block(
         [
-            np.hstack([A * own[None, :] / own[:, None], np.zeros((n, m))]),
-            1e4 * C * size[None, :] / noise[:, None],
-            1e-6 * np.eye(n + m),
+            [A * own[None, :] / own[:, None], np.zeros((n, m))],
+            [1e4 * C * size[None, :] / noise[:, None]],
+            [1e-6 * np.eye(n + m)],
         ]
     )
-    asked = np.vstack(
-        [np.zeros((n, len(read))), 1e4 * np.diag(1.0 / noise), np.zeros((n + m, len(read)))]
-    )
+    asked = np.pad(1e4 * np.diag(1.0 / noise), ((n, n + m), (0, 0)))
     y0 = np.asarray(linear.y0)
     return Estimator(
         F=F,
@@ -238,13 +236,13 @@ def _inner(
         return np.zeros((0, n)), np.zeros((0, len(C)))
     gain = reach[:, None] * gain / own[None, :]
     # States and commands at which the followed outputs rest, in typical sizes.
-    at_rest = np.vstack(
+    at_rest = np.block(
         [
-            np.hstack([A * own[None, :] / own[:, None], B * reach[None, :] / own[:, None]]),
-            np.hstack([C * own[None, :] / tolerance[:, None], np.zeros((len(C), commands))]),
+            [A * own[None, :] / own[:, None], B * reach[None, :] / own[:, None]],
+            [C * own[None, :] / tolerance[:, None], np.zeros((len(C), commands))],
         ]
     )
-    asked = np.vstack([np.zeros((n, len(C))), np.diag(1.0 / tolerance)])
+    asked = np.pad(np.diag(1.0 / tolerance), ((n, 0), (0, 0)))
     found = np.linalg.lstsq(at_rest, asked, rcond=None)[0]
     return gain, reach[:, None] * found[n:] + gain @ (own[:, None] * found[:n])
 

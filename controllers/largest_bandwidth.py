@@ -90,14 +90,11 @@ def held(controller: Controller, models: Sequence[LinearModel], limits: Limits) 
     angle = frequencies()
     ms = mt = late = 0.0
     for model in models:
-        asked = list(unsure.corners)
-        if math.isfinite(limits.late):
-            asked.append((h, 0.0))
-        loops = dict(zip(range(len(asked)), loops_at(controller, model, asked), strict=True))
-        for k, (delay, lag) in enumerate(asked[: len(unsure.corners)]):
-            where = _where(delay, lag)
+        *loops, one_late = loops_at(controller, model, (*unsure.corners, (h, 0.0)))
+        for corner, loop in zip(unsure.corners, loops, strict=True):
+            where = _where(*corner)
             for sensor in _places(controller, unsure):
-                s, t, beyond = peaks_of(loops[k], angle, sensor)
+                s, t, beyond = peaks_of(loop, angle, sensor)
                 ms = max(ms, s)
                 name = "the command" if sensor is None else controller.sensors[sensor]
                 if s > limits.sensitivity:
@@ -111,7 +108,7 @@ def held(controller: Controller, models: Sequence[LinearModel], limits: Limits) 
                     said = f"|T| w is {share:.3g} times the trusted frequency at {name}{where}"
                     return Held(ms, mt, late, said)
         if math.isfinite(limits.late):
-            late = max(late, peaks_of(loops[len(asked) - 1], angle).sensitivity)
+            late = max(late, peaks_of(one_late, angle).sensitivity)
             if late > limits.late:
                 return Held(ms, mt, late, f"Ms {late:.3g} with every command one sample late")
     return Held(ms, mt, late)

@@ -76,9 +76,8 @@ def with_resonances(loop_parts: LoopMatrices, angle: Matrix) -> Matrix:
     Those of plant, law and closed loop are peaks of its gain and of its sensitivity, zeros of the
     plant are gaps.
     """
-    A, B, C, F, G, H, J = loop_parts
-    found = [*np.linalg.eigvals(A), *np.linalg.eigvals(F)]
-    found += [*np.linalg.eigvals(np.block([[A + B @ J @ C, B @ H], [G @ C, F]]))]
+    A, B, C, F, *_ = loop_parts
+    found = [s for own in (A, F, loop_parts.closed) for s in np.linalg.eigvals(own)]
     for k, row in itertools.product(range(B.shape[1]), C):
         found += [*zeros_of(A, B[:, k], row)]
     # What is a pure delay has no frequency.
@@ -100,8 +99,8 @@ def gain_of(
         Loop gain, shape (n,), dimensionless, negative feedback being L / (1 + L), and whether the
         closed loop is stable.
     """
-    A, B, C, F, G, H, J = loop_parts
-    closed = np.block([[A + B @ J @ C, B @ H], [G @ C, F]])
+    _, B, C, F, G, H, J = loop_parts
+    closed = loop_parts.closed
     stable = bool(np.max(np.abs(np.linalg.eigvals(closed))) < 1.0)
     if sensor is None:
         b = np.vstack([B[:, [command]], np.zeros((len(F), 1))])
@@ -170,6 +169,12 @@ class LoopMatrices(NamedTuple):
     H: Matrix
     J: Matrix
 
+    @property
+    def closed(self) -> Matrix:
+        """State matrix of the closed loop, states of the plant first."""
+        A, B, C, F, G, H, J = self
+        return np.block([[A + B @ J @ C, B @ H], [G @ C, F]])
+
 
 def loop_matrices(controller: Controller, linear: LinearModel) -> LoopMatrices:
     """Return plant and law of a loop around rest."""
@@ -224,17 +229,17 @@ def stirred(controller: Controller, linear: LinearModel, delay: float = 0.0) -> 
     """
     if not hasattr(controller, "around_rest"):
         return {}
-    A, B, C, F, G, H, J = loops_at(controller, linear, ((delay, 0.0),))[0]
-    p = len(C)
-    M = np.block([[A + B @ J[:, :p] @ C, B @ H], [G[:, :p] @ C, F]])
+    loop = loops_at(controller, linear, ((delay, 0.0),))[0]
+    M, C = loop.closed, loop.C
     if np.abs(np.linalg.eigvals(M)).max(initial=0.0) >= 1.0 - 1e-9:
         return {}
     read = of_names(linear.operating_point.model.outputs, controller.sensors)
-    N = np.vstack([B @ J[:, :p], G[:, :p]]) * [noise_of(q) for q in read]
+    N = np.vstack([loop.B @ loop.J, loop.G]) * [noise_of(q) for q in read]
     P = N @ N.T
     while np.abs(M).max() > 1e-12:
         P, M = P + M @ P @ M.T, M @ M
-    seen = C @ P[: len(A), : len(A)] @ C.T
+    n = C.shape[1]
+    seen = C @ P[:n, :n] @ C.T
     rms = np.sqrt(np.maximum(np.diag(seen), 0.0)).tolist()
     return dict(zip(controller.controlled, rms, strict=False))
 

@@ -206,16 +206,14 @@ def _freed(
         for other, norm in taken:
             share = total(0.0, row, other) / norm
             own = tuple(a - share * b for a, b in zip(own, other, strict=True))
-        norm = total(0.0, (1.0,) * len(own), tuple(a * a for a in own))
+        norm = sum(a * a for a in own)
         # What the others already hold back leaves nothing but rounding.
         small = norm < 1e-12 * size
         norm = arithmetic.where(small, size, norm)
         away = tuple(arithmetic.where(small, 0.0 * a, a) for a in own)
         away = tuple(arithmetic.where(bound < spare + 0.5, 0.0 * a, a) for a in away)
         own = tuple(arithmetic.where(may, 0.0 * a, a) for a in away)
-        share = total(
-            0.0, (1.0,) * len(own), tuple(a * b for a, b in zip(own, change, strict=True))
-        )
+        share = sum(a * b for a, b in zip(own, change, strict=True))
         change = tuple(c - share / norm * a for a, c in zip(own, change, strict=True))
         taken.append((own, norm))
     return tuple(c * one for c, one in zip(change, unit, strict=True))

@@ -6,6 +6,8 @@ The functions are those of `late_by`, and stand between commands and what is lef
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -79,32 +81,30 @@ def without_pade(system: Parts) -> Channels | None:
     if not first or np.any(A[np.ix_(first, kept)]):
         return None
 
-    def sources(row: Matrix, own: int = -1) -> dict[int, float]:
-        """Return how much of each delayed signal, by the first state of it, a row takes."""
-        return {f: row[f + 2] for f in first if f != own and row[f + 2]}
-
+    @cache
     def passed(f: int) -> dict[tuple[int, float], float]:
         """Return what comes out of a delay: commands after delays, and how much of each."""
         t = late[f]
         found = {(j, t): float(B[f, j]) * t / _PADE_RATE for j in range(m) if B[f, j]}
-        for g, share in sources(A[f], f).items():
-            for (j, before), part in passed(g).items():
-                found[j, before + t] = (
-                    found.get((j, before + t), 0.0) + share * t / _PADE_RATE * part
-                )
+        for (j, before), share, part in taken(A[f], f):
+            key = j, before + t
+            found[key] = found.get(key, 0.0) + share * t / _PADE_RATE * part
         return found
 
-    each = {f: passed(f) for f in first}
-    columns = sorted({(j, 0.0) for j in range(m)} | {k for one in each.values() for k in one})
+    def taken(row: Matrix, own: int = -1) -> Iterator[tuple[tuple[int, float], float, float]]:
+        """Yield what a row takes of delays: a command after one, of what share it is what part."""
+        for f in first:
+            if f != own and row[f + 2]:
+                yield from ((key, row[f + 2], part) for key, part in passed(f).items())
+
+    columns = sorted({(j, 0.0) for j in range(m)} | {key for f in first for key in passed(f)})
 
     def acting(rows: Matrix, direct: Matrix) -> Matrix:
         found = np.zeros((len(rows), len(columns)))
+        found[:, [columns.index((j, 0.0)) for j in range(m)]] = direct
         for i, row in enumerate(rows):
-            for k, (j, delay) in enumerate(columns):
-                found[i, k] = direct[i, j] if not delay else 0.0
-            for f, share in sources(row).items():
-                for key, part in each[f].items():
-                    found[i, columns.index(key)] += share * part
+            for key, share, part in taken(row):
+                found[i, columns.index(key)] += share * part
         return found
 
     b, d = acting(A[kept], B[kept]), acting(C, D)

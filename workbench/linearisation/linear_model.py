@@ -16,7 +16,7 @@ from workbench.errors import TIMES_S, check_choice, check_range
 from workbench.linearisation.exact_delays import channels_of
 from workbench.linearisation.modes import Mode, find_modes
 from workbench.linearisation.zero_order_hold import zero_order_hold
-from workbench.model.linear_system import UNSEEN, in_series, late_by, reached
+from workbench.model.linear_system import UNSEEN, Parts, in_series, late_by, reached
 from workbench.model.sizes import poles_of
 from workbench.model.units import from_si, in_time
 from workbench.operating_point import OperatingPoint
@@ -232,20 +232,9 @@ class LinearModel(Drawn):
             return self
         (n, m), rate = self.B.shape, OVER / sample_time
         one, none = np.eye(m)[at], np.zeros((len(at), n))
-        ends = self.ends
-        if ends is not None:
-            ends = np.pad(ends, ((0, 0), (0, 0), (0, len(at))))
-        return replace(
-            self,
-            A=np.block([[self.A, none.T], [none, -rate * np.eye(len(at))]]),
-            B=np.vstack([self.B, rate * one]),
-            C=np.hstack([self.C, self.D[:, at]]),
-            D=np.zeros_like(self.D),
-            state_names=(*self.state_names, *(self.input_names[k] for k in at)),
-            x0=np.append(self.x0, self.u0[at]),
-            drift=np.append(self.drift, np.zeros(len(at))),
-            ends=ends,
-        )
+        A = np.block([[self.A, none.T], [none, -rate * np.eye(len(at))]])
+        B, C = np.vstack([self.B, rate * one]), np.hstack([self.C, self.D[:, at]])
+        return self._with_followers((A, B, C, np.zeros_like(self.D)), at.tolist())
 
     def late(self, delay: float) -> LinearModel:
         """Return the model whose inputs act late, by Pade functions whose states come last.
@@ -254,19 +243,19 @@ class LinearModel(Drawn):
             delay: Time by which they are late, in s.
         """
         k = len(self.input_names)
-        A, B, C, D = in_series((self.A, self.B, self.C, self.D), late_by((delay,) * k))
-        ends = None if self.ends is None else np.pad(self.ends, ((0, 0), (0, 0), (0, 3 * k)))
-        return replace(
-            self,
-            A=A,
-            B=B,
-            C=C,
-            D=D,
-            state_names=(*self.state_names, *np.repeat(self.input_names, 3).tolist()),
-            x0=np.append(self.x0, np.repeat(self.u0, 3)),
-            drift=np.append(self.drift, np.zeros(3 * k)),
-            ends=ends,
-        )
+        found = in_series((self.A, self.B, self.C, self.D), late_by((delay,) * k))
+        return self._with_followers(found, np.repeat(range(k), 3).tolist())
+
+    def _with_followers(self, system: Parts, inputs: list[int]) -> LinearModel:
+        """Return the model as a system that has further states, the last: each follows an input."""
+        A, B, C, D = system
+        names = (*self.state_names, *(self.input_names[k] for k in inputs))
+        rest, drift = np.append(self.x0, self.u0[inputs]), np.pad(self.drift, (0, len(inputs)))
+        ends = self.ends
+        if ends is not None:
+            ends = np.pad(ends, ((0, 0), (0, 0), (0, len(inputs))))
+        found = replace(self, A=A, B=B, C=C, D=D, ends=ends)
+        return replace(found, state_names=names, x0=rest, drift=drift)
 
     def at_once(self) -> LinearModel:
         """Return the model without the delays of its commands, where they are known."""
@@ -274,19 +263,20 @@ class LinearModel(Drawn):
         if own is None:
             return self
         A, B, C, D = own.at_once(len(self.input_names))
-        k = np.array(own.kept, dtype=int)
-        found = replace(self, A=A, B=B, C=C, D=D, x0=self.x0[k], drift=self.drift[k])
-        return replace(found, state_names=tuple(self.state_names[i] for i in k))
+        return replace(self._of_states(np.array(own.kept, dtype=int)), A=A, B=B, C=C, D=D)
 
     def _with_states(
         self, k: npt.NDArray[np.int_], A: Vector, B: Vector, back: Vector
     ) -> LinearModel:
-        names = tuple(self.state_names[i] for i in k)
         ends = self.ends
         if ends is not None:
             ends = np.concatenate([ends[..., :1], ends[..., 1:] @ back], axis=-1)
-        found = replace(self, A=A, B=B, C=self.C @ back, ends=ends)
-        return replace(found, state_names=names, x0=self.x0[k], drift=self.drift[k])
+        return replace(self._of_states(k), A=A, B=B, C=self.C @ back, ends=ends)
+
+    def _of_states(self, k: npt.NDArray[np.int_]) -> LinearModel:
+        """Return the model with the names and the rest of some states, in their order."""
+        names = tuple(self.state_names[i] for i in k)
+        return replace(self, state_names=names, x0=self.x0[k], drift=self.drift[k])
 
     def discretise(self, sample_time: float) -> tuple[Vector, Vector, Vector, Vector]:
         """Return the matrices for inputs that are held over a sample, in s."""
