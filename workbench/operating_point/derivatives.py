@@ -30,7 +30,6 @@ class Derivatives:
     def __init__(self, model: Model, form: Form | str) -> None:
         """Build the functions, or take those built for the same equations before."""
         traced = model.form(form)
-        self.n_x, self.n_u, self.n_p = traced.x.numel(), traced.u.numel(), traced.p.numel()
         self._values = Buffered(_values_function(traced))
         self._both = Buffered(_both_function(traced))
 

@@ -133,6 +133,15 @@ class OperatingPoint(Shown):
         return "\n".join(lines)
 
 
+@dataclass(frozen=True)
+class _Search:
+    """Where rest is looked for: of a model, within bounds, near a point; as they are given."""
+
+    model: Model
+    bounds: Mapping[str, tuple[float, float]] | None = None
+    near: OperatingPoint | None = None
+
+
 def operating_point(
     model: Model | Any,
     given: Mapping[str, float] | None = None,
@@ -192,44 +201,41 @@ def operating_point(
         )
         point = operating_point(replace(model, inputs=inputs), bounds=bounds, near=near)
         return replace(point, model=model)
+    search = _Search(model, bounds, near)
     crowded = len(_with_disturbances(model, asked)) < len(_undisturbed(model, asked))
-    if crowded and (passed := _passed_through(model, asked, bounds, near)):
+    if crowded and (passed := _passed_through(search, asked)):
         return passed
     try:
-        return _resting(model, given, bounds, near)
+        return _resting(search, given)
     except _NoPointError:
         # What rests, but not where it shall, such as a rotor beyond its fastest speed, is told so.
         commands = _at_nominal(model, model.commands).keys()
         elsewhere = asked.keys() - idle and not asked.keys() & commands
-        if crowded or (elsewhere and _rests(model, bounds)):
+        if crowded or (elsewhere and _rests(replace(search, near=None))):
             raise
-        if passed := _passed_through(model, asked, bounds, near):
+        if passed := _passed_through(search, asked):
             return passed
         raise
 
 
-def _rests(model: Model, bounds: Mapping[str, tuple[float, float]] | None) -> bool:
+def _rests(search: _Search) -> bool:
     """Say whether all of a model rests by what it declares, or held where it starts."""
     try:
-        return _resting(model, None, bounds, None).is_equilibrium
+        return _resting(search, None).is_equilibrium
     except _NoPointError:
         return False
 
 
-def _resting(
-    model: Model,
-    given: Mapping[str, float] | None,
-    bounds: Mapping[str, tuple[float, float]] | None,
-    near: OperatingPoint | None,
-) -> OperatingPoint:
+def _resting(search: _Search, given: Mapping[str, float] | None) -> OperatingPoint:
     """Find where all of a model rests, but for the sums that it declares to drift."""
-    if _tells_where(model) and (held := _held_at_start(model, bounds, near, given)):
+    model = search.model
+    if _tells_where(model) and (held := _held_at_start(search, given)):
         return held
     wanted = _with_disturbances(model, _checked(model, given))
     sums = [total for total in model.traits.sums if total.name in _drifting(model, wanted)]
     conditions = _conditions(model, wanted, sums)
-    problem = Problem(model, conditions, _directions(model, sums), *_bounds(model, bounds))
-    x, u = _start(model, wanted, sums, near)
+    problem = Problem(model, conditions, _directions(model, sums), *_bounds(search))
+    x, u = _start(search, wanted, sums)
     x = np.clip(x, problem.lower[: len(x)], problem.upper[: len(x)])
     solution = solve(problem, x, u)
     # A saturation beside which nothing has a slope leads nowhere, nor does the root of nothing.
@@ -242,22 +248,22 @@ def _resting(
     if not solution.solved:
         # What nominal inputs do not carry, or fill and empty, is held where it starts. A command
         # that declares quite another value keeps that if all rests by it but what goes on slowly.
-        held = None if given else _held_at_start(model, bounds, near)
+        held = None if given else _held_at_start(search)
         if held and _says_rest(model) and not _about_nominal(held):
-            return _passed_through(model, wanted, bounds, near) or held
+            return _passed_through(search, wanted) or held
         if held:
             return held
         raise _NoPointError(lambda: _impossible(problem, solution, asked=bool(given)))
     # By itself it would not come to rest there, nor stay: a command that holds it does.
     leaves = not given and np.any(model.initial_state()) and _runs_away(model, solution)
-    if leaves and (held := _held_at_start(model, bounds, near)):
+    if leaves and (held := _held_at_start(search)):
         return held
     silent = not (given or _says_rest(model) or np.any(model.initial_state()))
     if silent and _rests_at_a_root(model, solution):
         for elsewhere in _within_ranges(model, u):
             middle = {q.name: float(v) for q, v in zip(model.inputs, elsewhere, strict=True)}
             with suppress(WorkbenchError):
-                return _resting(model, middle, bounds, near)
+                return _resting(search, middle)
     # What begins nowhere and rests anywhere would rest where chance lets it.
     anywhere = [q.name for q in model.states if q.name in solution.undetermined]
     started = derivatives_of(model, EXACT).values(x, u, model.values)
@@ -274,39 +280,31 @@ def _about_nominal(point: OperatingPoint) -> bool:
     return all(abs(u - q.nominal) < _ABOUT * q.scale for u, q in pairs if q.commanded)
 
 
-def _passed_through(
-    model: Model,
-    asked: Mapping[str, float],
-    bounds: Mapping[str, tuple[float, float]] | None,
-    near: OperatingPoint | None,
-) -> OperatingPoint | None:
+def _passed_through(search: _Search, asked: Mapping[str, float]) -> OperatingPoint | None:
     """Find where all rests but a state or two that go on slowly, such as the radius of a roll.
 
     They stand where they start, or where what is given puts them. Slow is what takes ten times as
     long to go its scale as any other state does when something moves by its own.
     """
+    model = search.model
     if model.traits.sums:
         return None
     wanted = _undisturbed(model, dict(asked))
-    found = _passing(model, wanted, bounds, near)
+    found = _passing(search, wanted)
     if not found and len(wanted) <= len(model.inputs):
         # What is given is where a state goes by that the usual commands do not hold.
         wanted = _at_nominal(model, model.inputs) | wanted
-        found = _passing(model, wanted, bounds, near)
+        found = _passing(search, wanted)
     return _point(*found, wanted) if found else None
 
 
-def _passing(
-    model: Model,
-    wanted: Mapping[str, float],
-    bounds: Mapping[str, tuple[float, float]] | None,
-    near: OperatingPoint | None,
-) -> tuple[Problem, Solution] | None:
+def _passing(search: _Search, wanted: Mapping[str, float]) -> tuple[Problem, Solution] | None:
+    model = search.model
     conditions = _conditions(model, wanted, ())
-    x, u = _start(model, wanted, (), near)
+    x, u = _start(search, wanted, ())
     size = np.array([q.scale for q in model.states])
     own = [i for i, q in enumerate(model.states) if "." not in q.name]
-    limits = _bounds(model, bounds)
+    limits = _bounds(search)
     x = np.clip(x, limits[0][: len(x)], limits[1][: len(x)])
     more = max(0, len(conditions) - len(model.inputs))
     for count in range(max(1, more), min(_PASSING, len(x) - 1) + 1):
@@ -446,16 +444,13 @@ def usual_inputs(model: Model) -> dict[str, float]:
 
 
 def _held_at_start(
-    model: Model,
-    bounds: Mapping[str, tuple[float, float]] | None,
-    near: OperatingPoint | None,
-    given: Mapping[str, float] | None = None,
+    search: _Search, given: Mapping[str, float] | None = None
 ) -> OperatingPoint | None:
     """Find where as many outputs as commands can hold rest as they start; None if nowhere.
 
     Commands hold what is given first.
     """
-    asked = dict(given or {})
+    model, asked = search.model, dict(given or {})
     start = model.read(model.initial_state(), model.nominal_input)
     others = len(asked.keys() - _at_nominal(model, model.inputs).keys())
     commands = [q for q in model.commands if input_named(model, q.name) not in asked][others:]
@@ -468,8 +463,7 @@ def _held_at_start(
         # The first outputs, or others where what is given leaves those nowhere else.
         for kept in islice(combinations(outputs, count), CHOICES):
             with suppress(WorkbenchError):
-                held = {**left, **idle, **dict(kept), **asked}
-                return _resting(model, held, bounds, near)
+                return _resting(search, {**left, **idle, **dict(kept), **asked})
     return None
 
 
@@ -590,11 +584,12 @@ def _directions(model: Model, sums: Sequence[DriftingSum]) -> Vector:
     return directions
 
 
-def _bounds(model: Model, given: Mapping[str, tuple[float, float]] | None) -> tuple[Vector, Vector]:
+def _bounds(search: _Search) -> tuple[Vector, Vector]:
+    model = search.model
     quantities: list[State | Input] = [*model.states, *model.inputs]
     lower, upper = limits_of(model)
     names = [q.name for q in quantities]
-    for name, (low, high) in (given or {}).items():
+    for name, (low, high) in (search.bounds or {}).items():
         check_choice("bounded quantity", name, names)
         i = names.index(name)
         if math.isnan(low) or math.isnan(high) or max(low, lower[i]) > min(high, upper[i]):
@@ -616,11 +611,9 @@ def _long_after(model: Model, clock: State) -> float:
 
 
 def _start(
-    model: Model,
-    given: Mapping[str, float],
-    sums: Sequence[DriftingSum],
-    near: OperatingPoint | None,
+    search: _Search, given: Mapping[str, float], sums: Sequence[DriftingSum]
 ) -> tuple[Vector, Vector]:
+    model, near = search.model, search.near
     names = [q.name for q in model.states]
     shown = _shown_states(model)
     u = model.nominal_input
