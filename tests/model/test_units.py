@@ -189,7 +189,7 @@ def test_inputs_and_outputs_are_read_in_units_of_their_own() -> None:
 
 def test_an_input_is_shown_in_the_unit_in_which_people_read_it() -> None:
     rudder, pressure = Input("rudder", "rad", display_unit="deg"), Input("pressure", "Pa")
-    table = what_moved((rudder, pressure), (np.array([0.0, np.pi]), np.array([0.0, 2e5])))
+    table = what_moved([(rudder, np.array([0.0, np.pi])), (pressure, np.array([0.0, 2e5]))])
     assert [row[2:] for row in table.rows] == [(pytest.approx(180.0), "deg"), (2.0, "bar")]
 
 

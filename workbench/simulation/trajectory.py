@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -94,33 +94,29 @@ class Trajectory(Drawn):
 
     def __getitem__(self, name: str) -> Vector:
         """Return a state, input, output, port or published signal over time, shape (n,), in SI."""
+        for quantity, column in self._moving:
+            if quantity.name == name:
+                return np.asarray(column)
+        if name not in self.signals:
+            known = [quantity.name for quantity, _ in self._moving]
+            check_choice("signal", name, [*known, *self.signals])
+        return self.signals[name]
+
+    @property
+    def _moving(self) -> list[tuple[Quantity, Vector]]:
+        """Outputs, states and inputs, each with its values over time, in SI."""
         model = self.model
-        for quantities, table in (
-            (model.outputs, self.outputs),
-            (model.states, self.states),
-            (model.inputs, self.inputs),
-        ):
-            for i, quantity in enumerate(quantities):
-                if quantity.name == name:
-                    return np.asarray(table[:, i])
-        signals = self.signals
-        if name not in signals:
-            known = [q.name for q in (*model.outputs, *model.states, *model.inputs)]
-            check_choice("signal", name, [*known, *signals])
-        return signals[name]
+        quantities = (*model.outputs, *model.states, *model.inputs)
+        columns = (*self.outputs.T, *self.states.T, *self.inputs.T)
+        return list(zip(quantities, columns, strict=True))
 
     def tables(self) -> tuple[Rows, ...]:
         """Return between which values every output, state and input moved."""
-        model = self.model
-        quantities = (*model.outputs, *model.states, *model.inputs)
-        columns = [*self.outputs.T, *self.states.T, *self.inputs.T]
-        return (what_moved(quantities, columns),)
+        return (what_moved(self._moving),)
 
     def columns(self) -> dict[str, Vector]:
         """Return time, outputs, states and inputs over time, in SI."""
-        model = self.model
-        quantities = (*model.outputs, *model.states, *model.inputs)
-        return {"time": self.time} | {q.name: self[q.name] for q in quantities}
+        return {"time": self.time} | {q.name: self[q.name] for q, _ in self._moving}
 
     def __str__(self) -> str:
         (begin, end), unit_of_time = in_times([float(self.time[0]), float(self.time[-1])], 6)
@@ -138,14 +134,14 @@ class Trajectory(Drawn):
         return "\n".join(lines + [f"  ! {violation}" for violation in self.violations])
 
 
-def what_moved(quantities: Sequence[Quantity], columns: Sequence[Vector]) -> Rows:
+def what_moved(moving: Iterable[tuple[Quantity, Vector]]) -> Rows:
     """Return between which values quantities moved, each in the unit in which it is shown.
 
     Args:
-        columns: Values of each quantity over time, in SI.
+        moving: Quantities, each with its values over time, in SI.
     """
     rows = []
-    for quantity, column in zip(quantities, columns, strict=True):
+    for quantity, column in moving:
         unit = shown_in(quantity)
         shown = from_si(column, unit)
         rows.append((quantity.name, float(shown.min()), float(shown.max()), unit))

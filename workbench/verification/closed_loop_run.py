@@ -112,7 +112,7 @@ class Run(Drawn):
 
     def tables(self) -> tuple[Rows, ...]:
         """Return between which values every output and input moved."""
-        return (what_moved(self._quantities, [*self.outputs.T, *self.inputs.T]),)
+        return (what_moved(self._moving),)
 
     def columns(self) -> dict[str, Vector]:
         """Return time, references, outputs, measurements and inputs over time, in SI."""
@@ -123,14 +123,17 @@ class Run(Drawn):
         return {"time": self.time, **asked, **outputs, **measured, **inputs}
 
     @property
-    def _quantities(self) -> tuple[Quantity, ...]:
-        return (*self.output_quantities, *self.input_quantities)
+    def _moving(self) -> list[tuple[Quantity, Vector]]:
+        """Outputs and inputs, each with its values over time, in SI."""
+        quantities = (*self.output_quantities, *self.input_quantities)
+        return list(zip(quantities, (*self.outputs.T, *self.inputs.T), strict=True))
 
     def __str__(self) -> str:
         lines = [
             f"{self.controller} on {self.plant}: {self.scenario.name}, {len(self.time)} samples of"
             f" {in_time(self.scenario.sample_time, 6)}, seed {self.seed}, {self.integrator}"
         ]
-        rows = zip(self._quantities, [*self.outputs.T, *self.inputs.T], strict=True)
-        lines += [f"  {q.name:<20} {c.min():>12.5g} to {c.max():<12.5g} {q.unit}" for q, c in rows]
+        lines += [
+            f"  {q.name:<20} {c.min():>12.5g} to {c.max():<12.5g} {q.unit}" for q, c in self._moving
+        ]
         return "\n".join(lines)

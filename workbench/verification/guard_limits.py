@@ -29,7 +29,7 @@ from workbench.linearisation.actuator_inverse import (
 from workbench.model import ActuatorCurve, Model, Output
 from workbench.model.quantities import of_names, told_units
 from workbench.operating_point import OperatingPoint, operating_point
-from workbench.simulation import simulate
+from workbench.simulation import Trajectory, simulate
 
 TOLERANCE = 0.02
 """Error that a plant that moves does not keep, as a fraction of the range."""
@@ -84,14 +84,15 @@ def guarded(
     ranges = {name: _range(model, outputs[name]) for name in outputs}
     tolerances = {name: _tolerance(outputs[name], ranges[name]) for name in outputs}
     changes = {
-        name: max((_fastest(y[name]) for y, _ in held), default=math.inf) for name in outputs
+        name: max((float(np.abs(np.diff(run[name])).max()) for run in held), default=math.inf)
+        for name in outputs
     }
     sensors = tuple(
         SensorLimits(
             *_sensible(q, ranges[q.name]),
             jump=MARGIN * changes[q.name] + 10.0 * q.noise_rms + 2.0 * q.resolution,
             doubt=tolerances[q.name],
-            **_reached([y[q.name] for y, _ in held]),
+            **_reached([run[q.name] for run in held]),
         )
         for q in of_names(model.outputs, controller.sensors)
     )
@@ -101,14 +102,14 @@ def guarded(
             _above_noise(outputs[name], tolerances[name]),
             float(controller.sensors.index(name) if name in controller.sensors else -1),
             pace=PACE * tolerances[name],
-            **_braking([y[name] for y, _ in held], *ranges[name], tolerances[name]),
+            **_braking([run[name] for run in held], *ranges[name], tolerances[name]),
         )
         for name in controller.controlled
     )
     response = min(
         (
-            _response(y[name], 20.0 * outputs[name].resolution or 0.1 * tolerances[name])
-            for y, _ in held
+            _response(run[name], 20.0 * outputs[name].resolution or 0.1 * tolerances[name])
+            for run in held
             for name in controller.controlled[:1]
         ),
         default=math.inf,
@@ -125,7 +126,8 @@ def guarded(
         commands,
         estimator=estimator,
         inner=max(
-            Guard.inner, _to_rest(estimator, references, [x - point.x for _, x in held], *ends)
+            Guard.inner,
+            _to_rest(estimator, references, [run.states - point.x for run in held], *ends),
         ),
         patience=max(100.0 * response, LEAST_PATIENCE),
         swings=SWINGS,
@@ -186,7 +188,7 @@ def _estimator(
     controller: Controller,
     plant: Model | LinearModel,
     point: OperatingPoint,
-    held: Sequence[tuple[dict[str, Vector], Vector]],
+    held: Sequence[Trajectory],
     tolerances: Mapping[str, float],
 ) -> Estimator | None:
     """Return the estimator of a plant, whose other inputs rest; None if much is measured."""
@@ -217,7 +219,7 @@ def _estimator(
         linear,
         sensors=controller.sensors,
         followed=followed,
-        change=np.max([np.abs(np.diff(x, axis=0)).max(axis=0) for _, x in held], axis=0),
+        change=np.max([np.abs(np.diff(run.states, axis=0)).max(axis=0) for run in held], axis=0),
         noise=np.array(noise),
         tolerance=np.array([tolerances[name] for name in followed]),
         reach=np.array(reach),
@@ -241,8 +243,8 @@ def _curve(
     return commands[:, rising], entered[:, rising]
 
 
-def _held(point: OperatingPoint, sample_time: float) -> Iterator[tuple[dict[str, Vector], Vector]]:
-    """Yield outputs and states while the plant is held at each end of each command."""
+def _held(point: OperatingPoint, sample_time: float) -> Iterator[Trajectory]:
+    """Yield what the plant does while it is held at each end of each command."""
     for i, quantity in enumerate(point.model.inputs):
         for end in (quantity.lower, quantity.upper):
             if math.isfinite(end):
@@ -251,19 +253,12 @@ def _held(point: OperatingPoint, sample_time: float) -> Iterator[tuple[dict[str,
                 yield from _trajectory(point.model, point.x, u, sample_time)
 
 
-def _trajectory(
-    model: Model, x: Vector, u: Vector, h: float
-) -> Iterator[tuple[dict[str, Vector], Vector]]:
+def _trajectory(model: Model, x: Vector, u: Vector, h: float) -> Iterator[Trajectory]:
     """Yield what a command does, for as long as the plant stays where its laws hold."""
     for samples in (SAMPLES, SAMPLES // 4, SAMPLES // 16, SAMPLES // 64):
         with suppress(NumericalError):
-            run = simulate(model, np.tile(u, (samples, 1)), sample_time=h, start=x, check=False)
-            yield {q.name: run[q.name] for q in model.outputs}, run.states
+            yield simulate(model, np.tile(u, (samples, 1)), sample_time=h, start=x, check=False)
             return
-
-
-def _fastest(y: Vector) -> float:
-    return float(np.max(np.abs(np.diff(y))))
 
 
 def _response(y: Vector, distance: float) -> float:
