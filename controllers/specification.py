@@ -28,3 +28,14 @@ class Checked:
             if "range" in own.metadata:
                 words, *ends = own.metadata["range"]
                 check_range(words or own.name.replace("_", " "), getattr(self, own.name), *ends)
+
+    def in_samples(self, name: str, sample_time: float) -> None:
+        """Round a time to whole samples, at least one, both in s."""
+        time = getattr(self, name)
+        samples = max(1, round(time / sample_time)) * sample_time
+        if abs(samples - time) > _ROUNDED * time:
+            object.__setattr__(self, name, samples)
+
+
+_ROUNDED = 1e-9
+"""Difference of a time from whole samples, over it, that is none."""

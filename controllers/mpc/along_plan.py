@@ -344,7 +344,7 @@ class ScheduledMPCSpecification(TrackingSpecification):
         compensation: Share of the unexplained acceleration that is compensated, 0..1,
             dimensionless.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
-        prediction_time: Time T between prediction samples, in s; a multiple of ``sample_time``.
+        prediction_time: Time T between prediction samples, in s; rounded to whole ones of the loop.
         blocks: Lengths of the blocked moves, in prediction samples; their sum is N.
         rate_limit: Fastest change of the opening, per s.
         pressure_limits: Lowest and highest gauge pressure, in Pa.
@@ -368,6 +368,7 @@ class ScheduledMPCSpecification(TrackingSpecification):
         h = self.sample_time
         check_range("radius of the poles", self.radius, 0.1, 0.5 / h, "rad/s")
         check_range("prediction time", self.prediction_time, h, 10.0, "s")
+        self.in_samples("prediction_time", h)
         low, high = self.pressure_limits
         check_range("highest pressure", high, low, 1e8, "Pa", fix="it lies above the lowest")
 

@@ -340,7 +340,7 @@ class MPCSpecification(Checked):
         angle_scale: Angle error that weighs as much as an opening of ``opening_scale``, in rad.
         opening_scale: Deviation of the opening from its target that weighs 1, a fraction.
         move_scale: Change of the opening from move to move that weighs 1, a fraction.
-        prediction_time: Time T between prediction samples, in s; a multiple of ``sample_time``.
+        prediction_time: Time T between prediction samples, in s; rounded to whole ones of the loop.
         blocks: Lengths of the blocked moves, in prediction samples; their sum is N.
         opening_limit: Largest opening, a fraction.
         rate_limit: Fastest change of the opening, per s.
@@ -380,6 +380,7 @@ class MPCSpecification(Checked):
         super().__post_init__()
         h = check_range("sample time", self.sample_time, *TIMES_S, "s")
         check_range("prediction time", self.prediction_time, h, TIMES_S[1], "s")
+        self.in_samples("prediction_time", h)
         check_choice("solver", self.solver, (OWN, *OPTIONS))
         check_range("number of moves", len(self.blocks), 1, 100)
         check_range("shortest block", min(self.blocks), 1, 1000, "samples")

@@ -88,7 +88,7 @@ class NonlinearMPCSpecification(Checked):
             overshoots more where the load is not the one that the model has.
         move_scale: Change of the opening from stage to stage that weighs 1, a fraction.
         stages: Number N of stages of the horizon.
-        stage_time: Length of a stage, in s.
+        stage_time: Length of a stage, in s; rounded to whole samples.
         steps: Runge-Kutta steps per stage; next to the supply a full opening answers within 1 ms.
         opening_limit: Largest opening, a fraction.
         pressure_limits: Lowest and highest gauge pressure, in Pa. An upper limit next to the supply
@@ -138,13 +138,14 @@ class NonlinearMPCSpecification(Checked):
         super().__post_init__()
         h = check_range("sample time", self.sample_time, 1e-6, 1.0, "s")
         check_range("stage time", self.stage_time, h, 10.0, "s")
+        self.in_samples("stage_time", h)
         low, high = self.pressure_limits
         check_range("highest pressure", high, low, 1e8, "Pa", fix="it lies above the lowest")
 
     @property
     def stride(self) -> int:
         """Samples per stage."""
-        return max(1, round(self.stage_time / self.sample_time))
+        return round(self.stage_time / self.sample_time)
 
 
 class NonlinearMPCState(NamedTuple):

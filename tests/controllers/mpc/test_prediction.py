@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
+import numpy as np
+import pytest
+
+from controllers.mpc.along_plan import ScheduledMPCSpecification
 from controllers.mpc.prediction import condense
+from controllers.mpc.whole_model import MPCSpecification
+from controllers.nonlinear_mpc.controller import NonlinearMPCSpecification
 
 INDUCTANCE, RESISTANCE, CONSTANT = 0.02, 2.0, 15.0
 MASS, STIFFNESS, DRAG = 2.0, 900.0, 12.0
@@ -40,3 +46,19 @@ def test_a_quick_output_leaves_the_slow_states_of_its_plant_alone() -> None:
     # What costs nothing is not led anywhere: 17 mm of the slide are worth less than 1 V.
     place, *_ = problem.gain[0]
     assert abs(place) * CONSTANT / STIFFNESS < 0.05
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        (MPCSpecification, "prediction_time"),
+        (ScheduledMPCSpecification, "prediction_time"),
+        (NonlinearMPCSpecification, "stage_time"),
+    ],
+)
+def test_predictions_go_in_whole_samples_of_the_loop(kind: Any, name: str) -> None:
+    # The usual times are no multiples of 3 ms.
+    for told in ({}, {name: 0.0101}):
+        samples = getattr(kind(sample_time=0.003, **told), name) / 0.003
+        assert samples == pytest.approx(round(samples), abs=1e-9)
+        assert samples > 0.5
