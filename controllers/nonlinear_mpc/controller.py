@@ -44,6 +44,7 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 
 from controllers.nonlinear_mpc.observer import ExtendedKalmanFilter
 from controllers.nonlinear_mpc.prediction import (
@@ -384,6 +385,7 @@ def design_nonlinear_mpc(
     model: Model,
     specification: NonlinearMPCSpecification | None = None,
     *,
+    rest: npt.ArrayLike | None = None,
     compile_function: Compile | None = None,
 ) -> NonlinearMPC:
     """Design a nonlinear MPC on a prediction model.
@@ -391,6 +393,8 @@ def design_nonlinear_mpc(
     Args:
         model: The prediction model, with a 5/3 valve and the states ``angle``, ``speed``,
             ``pressure_1`` and ``pressure_2``; leave out what the controller shall not know.
+        rest: States about which it starts, shape (n_states,), in SI; the model's initial state by
+            default.
         compile_function: Makes machine code of a CasADi function; interpreted by default.
     """
     want = specification or NonlinearMPCSpecification()
@@ -412,7 +416,7 @@ def design_nonlinear_mpc(
     stage = discrete(ahead, want.stage_time, want.steps, "nmpc_stage")
     ambient = {q.name: q.value for q in model.parameters}.get("ambient_pressure", 0.0)
     low, high = want.pressure_limits
-    start = model.initial_state()
+    start = model.initial_state() if rest is None else np.asarray(rest, dtype=float)
     walk["speed"] = want.torque_walk / model.signals(start, model.nominal_input)["joint.inertia"]
     walks = np.array([*walk.values(), *want.unknown.values()]) / behind.unit
     rates, unsure = walks[: len(walk)], walks[len(walk) :]

@@ -153,6 +153,7 @@ class StepTrial:
         followed = {name for recipe in recipes for name in _follows(recipe)}
         moved = [names for names in moved if followed & set(names)] or moved[:1]
         sample_time = found[0].sample_time
+        late: dict[str, tuple[str, float, float]] = {}
         if hold is None:
             usual = step_time(self.linear)
             needed = [settling(recipes, self.linear, scenario) for scenario in found]
@@ -165,14 +166,15 @@ class StepTrial:
             }
             if hold < usual and not all(each.most == LONGEST for each in needed):
                 late[""] = "the plant responds in", usual, usual
+        found = scenarios()
+        # What commands are too weak for takes longer than a loop does.
+        if not self._tell_far(found, hold):
             for what, time, whole in late.values():
                 self.say(
                     f"{what} {in_time(time)}, later than the step is run for by default; 'workbench"
                     f" verify' with --hold {in_time(rounded_up(whole)).replace(' ', '')} runs all"
                     " of it"
                 )
-        found = scenarios()
-        self._tell_far(found, hold)
         self._tell_noise(recipes, found)
         self._tell_ends()
         self._tell_rest()
@@ -214,8 +216,9 @@ class StepTrial:
                 " steps are those of where it begins"
             )
 
-    def _tell_far(self, scenarios: Sequence[Scenario], hold: float) -> None:
-        """Say which outputs commands at their limits move less far than steps do."""
+    def _tell_far(self, scenarios: Sequence[Scenario], hold: float) -> bool:
+        """Say which outputs commands at their limits move less far than steps do, if any."""
+        told = False
         for name, asked in ((n, a) for s in scenarios for n, a in s.references.items()):
             if not asked.changes or name not in self.linear.output_names:
                 continue
@@ -223,14 +226,20 @@ class StepTrial:
             ways = [b - start for _, _, b in asked.changes if b != start]
             reached = {way: farthest(self.linear, name, hold, up=way > 0.0) for way in set(ways)}
             if short := [most for way, most in reached.items() if most < abs(way)]:
-                most = min(short)
+                most, told = min(short), True
                 about = next(q for q in self.model.outputs if q.name == name)
                 unit = of_difference(about.display_unit)
+                commands = [q.name for q in self.model.commands]
+                least = max(least_time(self.linear, commands, {name: way}) for way in reached)
+                long = ""
+                if least < math.inf:
+                    long = " " + in_time(rounded_up(_ROOM * least)).replace(" ", "")
                 self.say(
                     f"commands at their limits move {name} by {float(from_si(most, unit)):.3g}"
                     f" {unit} in the {in_time(hold)} that a step lasts, less than it shall: step"
-                    " less far (--to), or take longer (--hold)"
+                    f" less far (--to), or take longer (--hold{long})"
                 )
+        return told
 
     def _tell_noise(
         self, recipes: Sequence[ControllerRecipe], scenarios: Sequence[Scenario]
@@ -487,6 +496,9 @@ def _delays(model: Model) -> tuple[tuple[str, ...], float]:
     names = tuple(effect.name for effect in model.effects if effect.name.startswith(starts))
     return names, sum(max(model.parameter(f"{name}.time").value, 0.0) for name in names)
 
+
+_ROOM = 1.5
+"""Time between steps over what commands at their ends take for a step: a loop settles after it."""
 
 _FAR = 10.0
 """Distance of an output at rest from where it starts, over its scale, that surprises its author."""
