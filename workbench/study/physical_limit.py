@@ -92,6 +92,11 @@ class Distances:
     worst: tuple[Distance, ...] = ()
     limits: tuple[tuple[str, Move, Value], ...] = ()
 
+    def of(self, controller: str, scenario: str, case: str = "") -> Distance | None:
+        """Return the distance of a controller in a scenario, or None."""
+        asked = (controller, scenario, case)
+        return next((d for d in self.worst if (d.controller, d.scenario, d.case) == asked), None)
+
     def table(self) -> dict[str, Any]:
         """Return the distances as plain numbers and words; times in s, references in SI."""
         return {
