@@ -506,6 +506,18 @@ def test_a_step_that_takes_longer_than_it_lasts_is_told(balls: None, shell: Shel
     assert "step less far" not in shell(f"verify {plant}").err
 
 
+def test_a_weak_command_has_the_time_that_it_takes_or_the_time_is_told(
+    balls: None, shell: Shell
+) -> None:
+    far = "verify --plant '1 / (1000 s)' --limit 1 -c plain-pid --from 0 --to 10 --json"
+    (found,) = shell(far).result["runs"]
+    # All of the command moves it by 98 % of the step in 9800 s.
+    assert found["metrics"]["settling_time"]["value"] == pytest.approx(9800.0, rel=0.02)
+    said = shell(far, "--hold 1h").err
+    (told,) = re.findall(r"take longer \(--hold (\S+)\)", said)
+    assert shell(far, f"--hold {told}").result["runs"][0]["metrics"]["settling_time"]["value"]
+
+
 @pytest.mark.long
 def test_a_plant_that_rests_with_nothing_on_is_told(balls: None, shell: Shell) -> None:
     step, told = (

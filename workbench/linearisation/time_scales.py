@@ -18,18 +18,23 @@ from workbench.model.sizes import horizon
 from workbench.operating_point import derivatives_of
 
 
-def horizon_of(linear: LinearModel) -> float:
+def horizon_of(linear: LinearModel, steps: Mapping[str, float] | None = None) -> float:
     """Return how long the response of a linear model takes to show, in s; see `horizon`.
 
-    Of integrators alone it is how long all of the commands take to move an output as far as it
-    shows, the longest. An oscillation in which they move none by `SHARE` of that is none of the
-    plant's own pace, as that of a valve behind which a furnace gets warm: it is as long as they
-    take for the first output that they do, up to the slowest lag.
+    Of integrators alone, which have no pace of their own, it is how long all of the commands take
+    to move an output as far as it shows, or as it shall, the longest. An oscillation in which they
+    move none by `SHARE` of that is none of the plant's own pace, as that of a valve behind which a
+    furnace gets warm: it is as long as they take for the first output that they do, up to the
+    slowest lag.
+
+    Args:
+        steps: How far outputs shall move, by name, in SI.
     """
     poles = np.array([m.pole for m in linear.modes])
     outputs = of_names(linear.operating_point.model.outputs, linear.output_names)
     if len(linear.A) and np.all(linear.poles == 0.0):
-        times = [_time_for(_mover(linear, q.name), _shows(q)) for q in outputs]
+        asked = {q.name: max(_shows(q), abs((steps or {}).get(q.name, 0.0))) for q in outputs}
+        times = [_time_for(_mover(linear, name), far) for name, far in asked.items()]
         if moved := [time for time in times if time < math.inf]:
             return max(moved)
     lags = poles[np.isreal(poles)]
@@ -72,9 +77,9 @@ def _time_for(moved: Callable[[float], float], far: float) -> float:
     return (far / first) ** (1.0 / math.log2(second / first)) if first > 0.0 else math.inf
 
 
-def step_time(linear: LinearModel) -> float:
-    """Return a round time, in s, in which a step shows: two horizons."""
-    return rounded_up(2.0 * horizon_of(linear))
+def step_time(linear: LinearModel, steps: Mapping[str, float] | None = None) -> float:
+    """Return a round time, in s, in which a step shows: two horizons, as `horizon_of` has them."""
+    return rounded_up(2.0 * horizon_of(linear, steps))
 
 
 GROWN = 0.05
@@ -111,8 +116,8 @@ def usual_sample_time(
         return equations.sample_time
     growing = float(np.max(linear.poles.real, initial=0.0))
     own = linear.select(outputs=controlled).without_unseen() if controlled else linear
-    shown = step_time(own) / 1000.0
     far = steps or {}
+    shown = step_time(own, far) / 1000.0
     quick = min([shown, *(_moved_within(linear, n, shown, far.get(n)) for n in controlled)])
     # What grows by less within the whole step integrates.
     if growing * shown <= GROWN:
@@ -202,7 +207,10 @@ def _moved_within(linear: LinearModel, name: str, usual: float, step: float | No
     found = usual
     for told in (True, False):
         own = linear.select(inputs=[n for n in linear.input_names if (n not in silent) == told])
-        moved, far = _mover(own, name), min(output.scale, abs(step) if step else math.inf)
+        asked = abs(step) if step else math.inf
+        # A step says more than a size that nobody declared.
+        moved = _mover(own, name)
+        far = asked if step and not output.sized else min(output.scale, asked)
         if not told:
             far = moved(AT_REST * usual) if np.all(linear.poles.real < 0.0) else math.inf
         time = usual
@@ -302,7 +310,7 @@ def least_time(linear: LinearModel, actuators: Sequence[str], steps: Mapping[str
         size, shown = own.state_scales, step_time(own)
         a, b, c = own.A * size / size[:, None], own.B / size[:, None], own.C * size
         for asked, down, up in ((step, below, above), (-step, below + moved, above - moved)):
-            time, most = 1e-4 * shown, 10.0 * step_time(linear)
+            time, most = 1e-4 * shown, 10.0 * step_time(linear, steps)
             while time < most:
                 by = (c @ zero_order_hold(a, b, time)[1])[0] + own.D[0]
                 by = math.copysign(1.0, asked) * by

@@ -155,7 +155,8 @@ class StepTrial:
         sample_time = found[0].sample_time
         late: dict[str, tuple[str, float, float]] = {}
         if hold is None:
-            usual = step_time(self.linear)
+            first = {n: _first_step(a) for s in found for n, a in s.references.items() if a.changes}
+            usual = step_time(self.linear, first)
             needed = [settling(recipes, self.linear, scenario) for scenario in found]
             hold = max(each.time or min(usual, each.most * sample_time) for each in needed)
             slowest: dict[str, float] = {}
@@ -175,6 +176,12 @@ class StepTrial:
                     f" verify' with --hold {in_time(rounded_up(whole)).replace(' ', '')} runs all"
                     " of it"
                 )
+        if hold > _MANY * sample_time:
+            self.say(
+                f"there are {hold / sample_time:.2g} samples of {in_time(sample_time)} between the"
+                " steps, which takes minutes; take longer ones (--sample-time), or less time"
+                " (--hold)"
+            )
         self._tell_noise(recipes, found)
         self._tell_ends()
         self._tell_rest()
@@ -263,16 +270,16 @@ class StepTrial:
 
     def scenario(self, stepped: Sequence[str]) -> Scenario:
         """Return a step of some controlled outputs and back, the others staying where they are."""
-        linear, shown = self.linear, step_time(self.linear)
+        linear = self.linear
         at = zip(of_names(self.model.outputs, linear.output_names), linear.y0.tolist(), strict=True)
         # What rounding leaves is nothing, and zero plus zero has no sign.
         y0 = {q.name: 0.0 if abs(y) < ROUNDED * q.scale else y + 0.0 for q, y in at}
         moved = {name: self._levels(name, y0) for name in stepped}
-        held = shown if self.hold is None else self.hold
+        sizes = {name: end - begin for name, (begin, end) in moved.items()}
+        held = step_time(linear, sizes) if self.hold is None else self.hold
         check_range("time between the steps", held, *TIMES_S, "s")
         step = self.sample_time
         if step is None:
-            sizes = {name: end - begin for name, (begin, end) in moved.items()}
             step = self._stated or usual_sample_time(linear, self.controlled, sizes)
         check_range("sample time", step, TIMES_S[0], held, "s")
         units = {q.name: q.display_unit for q in self.model.outputs}
@@ -496,6 +503,9 @@ def _delays(model: Model) -> tuple[tuple[str, ...], float]:
     names = tuple(effect.name for effect in model.effects if effect.name.startswith(starts))
     return names, sum(max(model.parameter(f"{name}.time").value, 0.0) for name in names)
 
+
+_MANY = 200_000
+"""Samples between steps from which on a reader is told that runs take minutes."""
 
 _ROOM = 1.5
 """Time between steps over what commands at their ends take for a step: a loop settles after it."""
