@@ -198,7 +198,8 @@ GIMBAL = {"overshoot": 0.025, "settling_time": 0.3}
         # What overshoots a little too far, 2.8 % for 0.9 s, is led more slowly than it settles.
         (knee, "lqi", 4.0, {"settling_time": 0.7}),
         # Its bearing sticks at rest.
-        *((gimbal, name, 3.0, GIMBAL) for name in ("plain-pid", "plain-h-infinity", "plain-mpc")),
+        *((gimbal, name, 3.0, GIMBAL) for name in ("plain-pid", "plain-h-infinity")),
+        pytest.param(gimbal, "plain-mpc", 3.0, GIMBAL, marks=pytest.mark.long),
         # It took 4.7 ms by the weights that several outputs begin with.
         pytest.param(
             *(divider, "plain-mpc", 0.01, {"settling_time": 5e-4, "overshoot": 0.02}),
