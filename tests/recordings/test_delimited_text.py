@@ -1,5 +1,6 @@
 import gzip
 import tracemalloc
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -262,6 +263,20 @@ def test_dates_and_times_of_day_over_midnight(read: Read, header: str, decimal: 
     assert np.allclose(recording.time, seconds - seconds[0], atol=1e-6)
     assert recording["valve"][1] == pytest.approx(5.1)
     assert recording.signal("valve").unit == "V"
+
+
+@pytest.mark.parametrize(("hour", "word"), [(3600.0, "forward"), (-3600.0, "back")])
+def test_an_hour_by_which_a_clock_is_put_is_undone(read: Read, hour: float, word: str) -> None:
+    begun = datetime.fromisoformat("2026-03-29 01:59:50")
+    ahead = [0.5 * k + (hour if k >= 20 else 0.0) for k in range(40)]
+    rows = [f"{begun + timedelta(seconds=t)};{k % 3};{k}" for k, t in enumerate(ahead)]
+    recording = read(["time;u [V];y [V]", *rows])
+    assert recording.time == pytest.approx(0.5 * np.arange(40), abs=1e-3)
+    assert [n for n in recording.notes if f"put {word} by an hour after 9.5 s" in n]
+    # An hour without rows is a gap.
+    rows = [f"{begun + timedelta(seconds=t + 2.0 * (t > 100.0))};1;2" for t in ahead]
+    if hour > 0.0:
+        assert read(["time;u [V];y [V]", *rows]).time[-1] > 3600.0
 
 
 def test_dates_in_words_are_refused_in_one_sentence(read: Read) -> None:

@@ -567,7 +567,7 @@ def _read_rows(
     notes = _notes(tally, thinner, timeless, cut, file.name)
     if thinner.factor > 1 and backwards:
         notes.append(f"before averaging, the time stood still or ran backwards {backwards} time(s)")
-    start_at_zero(values, stamps)
+    notes += start_at_zero(values, stamps)
     found = Columns(headers, units, values, named, layout.metadata, tuple(notes), {}, layout.saved)
     return _lift_scalars(found, tally.unreadable)
 

@@ -13,6 +13,7 @@ from datetime import date
 import numpy as np
 
 from workbench.arrays import Vector
+from workbench.model.units import in_time
 
 _STAMP = re.compile(
     r"(?P<date>(?P<iso_y>\d{4})([-/.])(?P<iso_m>\d\d?)\3(?P<iso_d>\d\d?)"
@@ -99,8 +100,16 @@ def begins_with_day(lines: Sequence[str]) -> bool:
     return bool(own < other) or any(int(d.partition("/")[0]) > 12 for d in dates)
 
 
-def start_at_zero(values: Vector, stamps: Sequence[Instant]) -> None:
-    """Let instants begin at zero: a date and a time of day beside it are one, in both columns."""
+_HOUR = 3600.0
+"""By how much clocks are put forward in spring and back in autumn, in s."""
+
+
+def start_at_zero(values: Vector, stamps: Sequence[Instant]) -> list[str]:
+    """Let instants begin at zero: a date and a time of day beside it are one, in both columns.
+
+    Returns:
+        What a reader is told: where a clock was put forward or back by an hour, which is undone.
+    """
     dates = [k for k, (day, clock) in enumerate(stamps) if day is not None and clock is None]
     clocks = [k for k, (day, clock) in enumerate(stamps) if day is None and clock is not None]
     if dates and clocks:
@@ -109,6 +118,25 @@ def start_at_zero(values: Vector, stamps: Sequence[Instant]) -> None:
     for k in () if dates else clocks:
         midnights = np.diff(values[:, k], prepend=values[0, k]) < -43200.0
         values[:, k] += 86400.0 * np.cumsum(midnights)
+    told: dict[str, None] = {}
     for k, stamp in enumerate(stamps):
         if stamp != NEVER:
             values[:, k] -= values[0, k]
+            told |= dict.fromkeys(_without_clock_changes(values[:, k]))
+    return [*told]
+
+
+def _without_clock_changes(time: Vector) -> list[str]:
+    """Undo where the next row is an hour later or earlier than it would be, but for half a step."""
+    steps = np.diff(time)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    if not 0.0 < usual < 0.25 * _HOUR:
+        return []
+    hours = np.sign(steps)
+    hours[np.abs(steps - usual - hours * _HOUR) > 0.5 * usual] = 0.0
+    time[1:] -= _HOUR * np.cumsum(hours)
+    return [
+        f"the clock was put {'forward' if hours[i] > 0.0 else 'back'} by an hour after"
+        f" {in_time(float(time[i]))}; undone"
+        for i in np.flatnonzero(hours)
+    ]
