@@ -19,7 +19,8 @@ from controllers.valve_inverse import ValveInverse
 from workbench.arrays import Matrix
 
 REPORTS = (
-    "slack: largest limited output out of its limits over the horizon, SI; NaN with a fallback",
+    "slack: largest limited output out of its limits over the horizon, in the unit of these;"
+    " NaN with a fallback",
     "iterations of the solver",
     "fallback: 1 where the solver failed, else 0",
 )

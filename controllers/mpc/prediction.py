@@ -42,7 +42,7 @@ class Prediction:
     """Matrices of the condensed problem; openings are deviations from the operating point.
 
     The variables are the moves (fractions of the full openings), those of a block together, and the
-    slack (in 0.1 bar). There are k openings and p followed outputs.
+    slack. There are k openings and p followed outputs.
 
     Args:
         H: Hessian, shape (n, n), dimensionless.
@@ -51,7 +51,7 @@ class Prediction:
             (n, N * p), per SI.
         g_before: Gradient per openings before, shape (n, k), per fraction.
         A: Rows of the constraints, shape (m, n): first the changes of the openings (fractions),
-            then the limited outputs (in units of 1e4 SI).
+            then the limited outputs (in units of the slack's).
         rows_estimate: Part of the rows that the estimate decides, shape (m, n_z), in the units of
             the rows per SI.
         lower: Lower limits of rows, then of variables, shape (m + n,), in their units.
@@ -59,7 +59,7 @@ class Prediction:
         gain: Regulator K, shape (k, n_x), fractions per SI.
         target: (xs, us) per (w, r), shape (n_x + k, n_w + p), in SI.
         preview_index: Sample of the controller at which each prediction sample lies.
-        slack_scale: Unit of the slack, in SI.
+        slack_scale: Unit of the slack, in that of the limited outputs.
     """
 
     H: Matrix
@@ -115,6 +115,7 @@ def condense(
     move_limit: npt.ArrayLike,
     output_limits: tuple[tuple[float, float], ...],
     softness: float,
+    slack_scale: float = SLACK_SCALE,
     change: Change | None = None,
 ) -> Prediction:
     """Eliminate the states of a linear MPC problem, which `controllers.mpc.formulation` states.
@@ -133,7 +134,8 @@ def condense(
         move_limit: Largest changes of the openings from block to block, shape (n_blocks * k,),
             fractions; one number holds for all, as of the weights and limits.
         output_limits: Lowest and highest value of each limited output, deviations in SI.
-        softness: Cost of a violation by 1e4 SI units, dimensionless.
+        softness: Cost of a violation by the slack's unit, dimensionless.
+        slack_scale: The slack's unit, in that of the limited outputs.
         change: What the user makes of the formulation; nothing by default.
 
     Raises:
@@ -152,7 +154,7 @@ def condense(
     target = _target(A, B, E, C[:p])
     gain, cost_to_go = _regulator(phi[:n_x, :n_x], gamma[:n_x], C[:p], q, r, N)
 
-    form = Form(blocks, len(output_limits), SLACK_SCALE, softness)
+    form = Form(blocks, len(output_limits), slack_scale, softness)
     moves = np.broadcast_to(np.asarray(move_limit, dtype=float), k * len(blocks))
     lower, upper = limits_of(form, moves, output_limits)
     numbers = phi, gamma, C, target, cost_to_go, q, r, s
@@ -176,6 +178,7 @@ def condense(
         gain=gain,
         target=target,
         preview_index=tuple(stride * (j + 1) for j in range(N)),
+        slack_scale=slack_scale,
     )
 
 

@@ -48,7 +48,7 @@ from controllers.mpc.disturbance_observer import (
     design_disturbance_observer,
 )
 from controllers.mpc.formulation import Change
-from controllers.mpc.prediction import Prediction, condense
+from controllers.mpc.prediction import SLACK_SCALE, Prediction, condense
 from controllers.named_state import names
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.solver import OPTIONS, OWN, Solution, quadratic_program
@@ -171,8 +171,8 @@ class LinearMPC(ValveController):
 
         Returns:
             Commands in SI, next state, and ``opening`` (fraction; ``opening.NAME`` of several),
-            ``status``, ``iterations``, ``solve_time`` (s), ``slack`` (1e4 SI) and ``fallback`` (1
-            where the regulator acted).
+            ``status``, ``iterations``, ``solve_time`` (s), ``slack`` (how far a limited output is
+            out of its limits, in the unit of these) and ``fallback`` (1 where the regulator acted).
         """
         seen, asked = np.array(measurement), np.array(reference)
         ((command, found, slack),), following = self.stepped(state, seen, asked)
@@ -427,7 +427,7 @@ class Problem(NamedTuple):
     Args:
         curves: Of each actuator, what gives the openings.
         sensors: Names of the followed outputs, as many as ``reference_speed`` has, then of the
-            limited ones, then of those that only the observer reads.
+            limited ones unless ``limited`` tells them, then of those that only the observer reads.
         weights: Of errors (per SI squared), of openings and of their changes (dimensionless), one
             or one for each.
         ends: Lowest and highest openings, fractions.
@@ -438,6 +438,8 @@ class Problem(NamedTuple):
         reference_speed: Speed of each reference's lags, in rad/s.
         first_limit: What the change from the openings before is limited to if less, a fraction.
         offsets: Random walks of the offsets of the last sensors over one second, in SI.
+        limited: Places of the limited outputs among the sensors, and the size, in SI, in which each
+            is counted, the slack too.
     """
 
     curves: tuple[ValveInverse, ...]
@@ -451,6 +453,11 @@ class Problem(NamedTuple):
     reference_speed: tuple[float, ...]
     first_limit: Sequence[float] = ()
     offsets: tuple[float, ...] = ()
+    limited: tuple[tuple[int, float], ...] = ()
+
+
+ENDLESS = 1e9
+"""Where an output without a limit is taken to have one, in the unit of the slack."""
 
 
 def mpc_of(
@@ -472,25 +479,27 @@ def mpc_of(
     moves = np.tile(np.array(problem.move_limit), len(want.blocks))
     if problem.first_limit:
         moves[: len(at_rest)] = np.minimum(moves[: len(at_rest)], problem.first_limit)
+    count = len(problem.output_limits)
+    limited = problem.limited or tuple((followed + i, 1.0) for i in range(count))
+    sizes = np.array([size for _, size in limited])
+    C, at = observer.C[:, : len(A)], [place for place, _ in limited]
+    ends = np.array(problem.output_limits).reshape(-1, 2) - observer.rest[at][:, None]
+    ends = np.clip(ends / sizes[:, None], -ENDLESS, ENDLESS)
     stated = partial(
         condense,
         A,
         B * np.array([entry.per_opening for entry in entries]),
         E,
-        observer.C[: followed + len(problem.output_limits), : len(A)],
+        np.vstack([C[:followed], C[at] / sizes[:, None]]),
         weights=problem.weights,
         prediction_time=want.prediction_time,
         sample_time=want.sample_time,
         blocks=want.blocks,
         opening_limits=(lower, upper),
         move_limit=moves,
-        output_limits=tuple(
-            (limits[0] - rest, limits[1] - rest)
-            for limits, rest in zip(
-                problem.output_limits, observer.rest[followed:].tolist(), strict=False
-            )
-        ),
+        output_limits=tuple((low, high) for low, high in ends.tolist()),
         softness=want.softness,
+        slack_scale=1.0 if problem.limited else SLACK_SCALE,
     )
     prediction = stated()
     unit = np.eye(len(sensors))

@@ -11,6 +11,7 @@ import itertools
 import math
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +29,7 @@ from controllers.mpc.whole_model import (
     reference_paths,
 )
 from controllers.plain.limits import LoopLimits, LoopSpecification
-from controllers.plain.loop import Loop, speeds
+from controllers.plain.loop import Loop, followed_by, named, outputs_of, speeds
 from controllers.plain.many_loops import stacked
 from controllers.plain.measured_outputs import designed_for
 from controllers.plain.observer_law import DISTURBANCES, disturbances, doubts, random_walk
@@ -38,8 +39,9 @@ from controllers.plain.references import better, lags, led
 from controllers.plain.selection import best_of
 from controllers.valve_inverse import ValveInverse
 from workbench.arrays import Matrix
-from workbench.errors import check_range
+from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation import LinearModel
+from workbench.linearisation.state_space import linear_model
 
 FASTEST = 0.15
 """Largest speed of a reference that is tried, times the sample time: a horizon has its samples."""
@@ -60,6 +62,11 @@ ENDLESS = 1e6
 """Where a command without an end is taken to end, over its scale: beyond all that is asked."""
 
 
+BEYOND, STIFFEST = 1e5, 1e12
+"""Cost of an output beyond its limits over that of an error as large, a ratio; and the largest with
+which a quadratic program is solved to all digits that count."""
+
+
 @dataclass(frozen=True)
 class PlainMPCSpecification(LoopSpecification):
     """What a linear MPC for any linear model is designed for.
@@ -74,12 +81,16 @@ class PlainMPCSpecification(LoopSpecification):
             no end, in s; by default (0) two prediction samples, or what its slew lets it.
         disturbance: What the disturbance of the command is taken to walk by in ten time constants
             of the loop, rms, as a fraction of the command; what suits the loop by default (0).
+        output_limits: Outputs that shall stay between two values, in SI, each as
+            ``(name, lowest, highest)``; followed ones, or others, which are then read too. They
+            give way where they must, at a cost far beyond that of the same error.
     """
 
     speed: float = 0.0
     error_scale: float | tuple[float, ...] = 0.0
     rate_time: float = 0.0
     disturbance: float = 0.0
+    output_limits: tuple[tuple[str, float, float], ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -87,6 +98,36 @@ class PlainMPCSpecification(LoopSpecification):
         for name in ("error_scale", "rate_time", "disturbance"):
             for value in np.atleast_1d(getattr(self, name)):
                 check_range(name.replace("_", " "), float(value), 0.0, 1e30)
+        rows = tuple(map(_limits_of_output, self.output_limits))
+        object.__setattr__(self, "output_limits", rows)
+
+    def reading_limited(self, linear: LinearModel) -> PlainMPCSpecification:
+        """Return the specification that reads the limited outputs too.
+
+        Raises:
+            WorkbenchError: If there is no such output, or it rests beyond its limits.
+        """
+        rest = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
+        for name, low, high in self.output_limits:
+            check_choice("limited output", name, rest)
+            check_range(f"{name} at rest", rest[name], low, high, fix="limits hold what rests")
+        followed, *_ = followed_by(linear, self.measured, self.actuator)
+        read = dict.fromkeys((*named(self.also_measured), *(n for n, *_ in self.output_limits)))
+        return replace(self, also_measured=tuple(n for n in read if n not in followed))
+
+
+def _limits_of_output(row: Any) -> tuple[str, float, float]:
+    """Return name, lowest and highest value as they are told, in a tuple or in a list."""
+    try:
+        name, low, high = row if isinstance(row, (tuple, list)) else (row,)
+        if isinstance(name, str) and 0.0 + low < 0.0 + high:
+            return name, low, high
+    except (TypeError, ValueError):
+        pass
+    raise WorkbenchError(
+        f"output_limits holds {row!r}; give each output its name, the lowest and the highest value"
+        " in SI, -inf and inf for none, such as ('speed', -0.3, 0.3)"
+    )
 
 
 def design_plain_mpc(
@@ -106,6 +147,8 @@ def design_plain_mpc(
             equation has no solution.
     """
     want = (specification or PlainMPCSpecification()).sampled(linear)
+    if want.output_limits:
+        want = want.reading_limited(linear_model(linear))
     # What else is measured is held against the model at rest, from which a plant is far elsewhere.
     law = designed_for(want, linear, partial(_within, want), lambda *_: False)
     return law.changed(change) if change else law
@@ -224,6 +267,11 @@ def _problem(
     ended = np.isfinite(loop.upper - loop.lower) | (want.rate_time > 0.0)
     rate = np.where(ended, share, 1.0) / (want.rate_time or 2.0 * step)
     slow = loop.slew / full
+    scales = {q.name: q.scale for q in outputs_of(loop.shown)}
+    limited = tuple(
+        (loop.sensors.index(name), min(0.5 * (high - low), scales[name]))
+        for name, low, high in want.output_limits
+    )
     problem = Problem(
         curves=_straight(loop),
         actuators=loop.actuators,
@@ -236,14 +284,17 @@ def _problem(
         ),
         ends=((-below / full).tolist(), (above / full).tolist()),
         move_limit=tuple((np.minimum(rate, slow) * step).tolist()),
-        output_limits=(),
+        output_limits=tuple((low, high) for _, low, high in want.output_limits),
         disturbances=(entry, speed / time * random_walk(disturbance, speed)),
         reference_speed=(lag,) * p,
         first_limit=tuple((slow * h).tolist()) if np.isfinite(slow).any() else (),
         offsets=tuple((speed / time * math.sqrt(h) * noise[p:]).tolist()),
+        limited=limited,
     )
+    stiff = BEYOND * float(np.max((loop.output_scale / np.asarray(error)) ** 2.0))
     numbers = MPCSpecification(
         prediction_time=step,
+        softness=min(stiff, STIFFEST),
         state_noise=own.B * loop.command_scale * random_walk(disturbance, speed),
         sensor_noise=tuple(noise.tolist()),
         sample_time=h,
