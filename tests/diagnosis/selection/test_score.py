@@ -111,8 +111,9 @@ def test_what_a_parameter_hides_off_its_bound_is_scored_where_it_is_on_it() -> N
     scores = Scores((ripple, hidden), confusion)
     # As good elsewhere, what these data show is left as it was.
     at_bound = Scores((replace(tilt, gain=200.0), replace(ripple, gain=300.0)), np.eye(2))
-    assert scores.shown_by(at_bound).scores == (at_bound.scores[0], ripple)
-    assert scores.shown_by(replace(at_bound, scores=(hidden,))).scores == scores.scores
+    assert scores.beside(at_bound).scores == (at_bound.scores[0], ripple)
+    assert scores.beside(at_bound).leading == ("tilt_gravity", "ripple")
+    assert scores.beside(replace(at_bound, scores=(hidden,))).scores == scores.scores
 
 
 def test_what_acts_late_and_in_few_blocks_is_late_too() -> None:

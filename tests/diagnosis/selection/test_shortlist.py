@@ -24,6 +24,7 @@ def _chosen(
     gains: Mapping[str, float] | None = None,
     *,
     quiet: bool = False,
+    leading: tuple[str, ...] = (),
 ) -> list[str]:
     """Names of what is refitted first where the joint lacks something and its laws score best."""
     model = arm()
@@ -36,7 +37,7 @@ def _chosen(
     score = {e.name: 50.0 * (e.group == "process") for e in entries} if gains is None else gains
     rated = [SimpleNamespace(entry=e, gain=score.get(e.name, 0.0), testable=True) for e in entries]
     ordered = tuple(sorted(rated, key=lambda s: -s.gain))
-    scores: Any = SimpleNamespace(scores=ordered, look_alikes=lambda *_, **__: ())
+    scores: Any = SimpleNamespace(scores=ordered, look_alikes=lambda *_, **__: (), leading=leading)
     chosen, later = to_refit(task, scores, MOST_AT_FIRST, model, quiet=quiet)
     names = [s.entry.name for s in (*chosen, *later)]
     assert len(set(names)) == len(names)
@@ -56,6 +57,13 @@ def test_near_the_noise_too_what_scores_half_of_the_best_where_that_is_is_tried(
     chosen = _chosen(entries, gains, quiet=True)
     assert "linear_spring" in chosen
     assert "constant_torque" not in chosen
+
+
+def test_what_leads_where_parameters_are_on_their_bounds_is_tried() -> None:
+    entries = library(arm())
+    gains = {e.name: 90.0 for e in entries} | {"muscle_viscosity": 20.0}
+    assert "muscle_viscosity" not in _chosen(entries, gains)
+    assert "muscle_viscosity" in _chosen(entries, gains, leading=("muscle_viscosity",))
 
 
 def test_what_recordings_show_comes_first_whatever_it_scores() -> None:

@@ -46,7 +46,10 @@ that this has to cost, where it does not come to the others."""
 _MOST_LEVELS = 3
 """How many effects that differ by recording are offered: beside a large misfit nearly all do."""
 
-_TOGETHER = 48
+_LEADING = 3
+"""How many of those that score best where parameters are held on their bounds are told."""
+
+MOST_TOGETHER = 48
 """Effects that one filter carries at the most: a step is as fine as that of the fastest of them."""
 
 _DUE = 0.1
@@ -110,21 +113,28 @@ class Scores:
         confusion: Absolute cosine between the projected signatures, shape (n, n), in the order of
             ``scores``.
         failed: Effects that could not be scored, each with the reason.
+        leading: Names of effects that lead where parameters are held on their bounds.
     """
 
     scores: tuple[Score, ...]
     confusion: Vector
     failed: tuple[tuple[str, str], ...] = ()
+    leading: tuple[str, ...] = ()
 
-    def shown_by(self, others: Scores) -> Scores:
-        """Return the scores with those of other ones for what these data cannot show."""
-        shown = {s.entry.name: s for s in others.scores if s.testable}
+    def beside(self, held: Scores) -> Scores:
+        """Return the scores with what those with parameters held on their bounds tell.
+
+        Of what these data cannot show otherwise their scores stand; what leads there does what a
+        parameter would do beyond its bound, as the viscosity of a muscle does for a damper.
+        """
+        shown = {s.entry.name: s for s in held.scores if s.testable}
         found = [s if s.testable else shown.get(s.entry.name, s) for s in self.scores]
         order = sorted(range(len(found)), key=lambda i: -found[i].gain)
         return replace(
             self,
             scores=tuple(found[i] for i in order),
             confusion=self.confusion[np.ix_(order, order)],
+            leading=tuple(s.entry.name for s in held.scores[:_LEADING] if s.testable),
         )
 
     def look_alikes(self, name: str, *, above: float = 0.95) -> tuple[str, ...]:
@@ -193,8 +203,8 @@ def score_library(
     # Stiff effects would force short steps on all others, so they have a filter of their own.
     for stiff in (False, True):
         group = [v for v in variants if v.entry.stiff is stiff]
-        for begin in range(0, len(group), _TOGETHER):
-            some = group[begin : begin + _TOGETHER]
+        for begin in range(0, len(group), MOST_TOGETHER):
+            some = group[begin : begin + MOST_TOGETHER]
             attached += _attached(model, recordings, names, some, noise_scale, failed)
     if not attached:
         return Scores((), np.zeros((0, 0)), tuple(failed.items()))

@@ -39,9 +39,10 @@ from workbench.diagnosis.selection.first_refit import untried
 from workbench.diagnosis.selection.held_out import over_floor
 from workbench.diagnosis.selection.pairs import as_told, with_pair
 from workbench.diagnosis.selection.race import refit_candidates
-from workbench.diagnosis.selection.score import by_name, score_library
+from workbench.diagnosis.selection.score import MOST_TOGETHER, by_name, score_library
 from workbench.diagnosis.selection.selected import Accepted, Round, Scored, Selected
 from workbench.diagnosis.selection.shortlist import (
+    LEAST_SCORE,
     MOST_AGAIN,
     MOST_AT_FIRST,
     room_for,
@@ -79,14 +80,16 @@ def score(task: Task) -> Scored:
         task.off_bounds, task.fitting, task.priors, tried, noise_scale=base.noise_scale
     )
     held = {e.name for e in base.refit.estimates if e.on_bound}
-    hidden = [s.entry for s in scores.scores if not s.testable]
-    if held and hidden:
-        # Nor does it reproduce more than it does there.
+    if held:
+        # What a parameter reproduces off its bound it does not beyond it.
         free = [p for p in task.priors if p.name not in held]
+        hidden = [s.entry for s in scores.scores if not s.testable]
+        shown = [s.entry for s in scores.scores if s.testable and s.gain > LEAST_SCORE]
+        some = [*hidden, *shown[: max(0, MOST_TOGETHER - len(hidden))]]
         at_bounds = score_library(
-            base.model, task.fitting, free, hidden, noise_scale=base.noise_scale
+            base.model, task.fitting, free, some, noise_scale=base.noise_scale
         )
-        scores = scores.shown_by(at_bounds)
+        scores = scores.beside(at_bounds)
     task.say("running the refitted model on the held-out recordings")
     try:
         floor = over_floor(base, task.nominal, task.judging, jobs=task.jobs)
