@@ -115,7 +115,7 @@ def to_refit(
     evident = [s for s in scores.scores if s.entry.evident]
     chosen = [*evident, *(s for s in shortlist(scores, most=most) if s not in evident)]
     leading = [s for s in scores.scores if s.entry.name in scores.leading and s not in chosen]
-    chosen += [s for s in leading if not quiet and not s.entry.stiff and s.gain > LEAST_SCORE]
+    chosen += [s for s in leading if not s.entry.stiff and s.gain > LEAST_SCORE]
     groups = {port.name: port.group for port in task.base.model.ports}
     alone = task.location.alone if task.location else {}
     most_alone = max(alone.values(), default=0.0)
