@@ -78,6 +78,9 @@ class Formulation:
     numbers: tuple[ca.MX, ...] = ()
 
 
+ENDLESS = 1e9
+"""Where a row without a limit is taken to have one, in its unit."""
+
 CHECKED = 2
 """Every which prediction sample outputs are limited: pressures do not jump within 20 ms."""
 
@@ -221,7 +224,8 @@ def limits_of(
     low, high = (
         np.repeat([ends[i] / form.slack_scale for ends in output_limits], checked) for i in (0, 1)
     )
-    endless = np.full(len(low), 1e9)
+    low, high = np.maximum(low, -ENDLESS), np.minimum(high, ENDLESS)
+    endless = np.full(len(low), ENDLESS)
     lower = np.concatenate([-move_limit, low, -endless])
     return lower, np.concatenate([move_limit, endless, high])
 

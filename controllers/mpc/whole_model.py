@@ -456,10 +456,6 @@ class Problem(NamedTuple):
     limited: tuple[tuple[int, float], ...] = ()
 
 
-ENDLESS = 1e9
-"""Where an output without a limit is taken to have one, in the unit of the slack."""
-
-
 def mpc_of(
     linear: LinearModel,
     problem: Problem,
@@ -484,7 +480,7 @@ def mpc_of(
     sizes = np.array([size for _, size in limited])
     C, at = observer.C[:, : len(A)], [place for place, _ in limited]
     ends = np.array(problem.output_limits).reshape(-1, 2) - observer.rest[at][:, None]
-    ends = np.clip(ends / sizes[:, None], -ENDLESS, ENDLESS)
+    ends /= sizes[:, None]
     stated = partial(
         condense,
         A,

@@ -204,13 +204,12 @@ def _moved_within(linear: LinearModel, name: str, usual: float, step: float | No
     inputs = linear.operating_point.model.inputs
     silent = {q.name for q in inputs if not q.sized and _endless(q)}
     output = next(q for q in linear.operating_point.model.outputs if q.name == name)
-    found = usual
+    asked, found = abs(step) if step else math.inf, usual
+    # A step says more than a size that nobody declared.
+    goal = asked if step and not output.sized else min(output.scale, asked)
     for told in (True, False):
         own = linear.select(inputs=[n for n in linear.input_names if (n not in silent) == told])
-        asked = abs(step) if step else math.inf
-        # A step says more than a size that nobody declared.
-        moved = _mover(own, name)
-        far = asked if step and not output.sized else min(output.scale, asked)
+        moved, far = _mover(own, name), goal
         if not told:
             far = moved(AT_REST * usual) if np.all(linear.poles.real < 0.0) else math.inf
         time = usual

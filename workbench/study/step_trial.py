@@ -173,10 +173,9 @@ class StepTrial:
             for what, time, whole in late.values():
                 self.say(
                     f"{what} {in_time(time)}, later than the step is run for by default; 'workbench"
-                    f" verify' with --hold {in_time(rounded_up(whole)).replace(' ', '')} runs all"
-                    " of it"
+                    f" verify' with --hold {_option(whole)} runs all of it"
                 )
-        if hold > _MANY * sample_time:
+        if hold > UNTOLD * sample_time:
             self.say(
                 f"there are {hold / sample_time:.2g} samples of {in_time(sample_time)} between the"
                 " steps, which takes minutes; take longer ones (--sample-time), or less time"
@@ -238,13 +237,11 @@ class StepTrial:
                 unit = of_difference(about.display_unit)
                 commands = [q.name for q in self.model.commands]
                 least = max(least_time(self.linear, commands, {name: way}) for way in reached)
-                long = ""
-                if least < math.inf:
-                    long = " " + in_time(rounded_up(_ROOM * least)).replace(" ", "")
+                longer = f"--hold {_option(_ROOM * least)}" if least < math.inf else "--hold"
                 self.say(
                     f"commands at their limits move {name} by {float(from_si(most, unit)):.3g}"
                     f" {unit} in the {in_time(hold)} that a step lasts, less than it shall: step"
-                    f" less far (--to), or take longer (--hold{long})"
+                    f" less far (--to), or take longer ({longer})"
                 )
         return told
 
@@ -487,6 +484,11 @@ class StepTrial:
         return tuple(demands), own
 
 
+def _option(time: float) -> str:
+    """Write a time, in s, rounded up, as an option takes it."""
+    return in_time(rounded_up(time)).replace(" ", "")
+
+
 def _first_step(reference: Signal) -> float:
     """Return by how much a reference steps first, in SI; 0 where it does not."""
     return next((after - before for _, before, after in reference.changes), 0.0)
@@ -503,9 +505,6 @@ def _delays(model: Model) -> tuple[tuple[str, ...], float]:
     names = tuple(effect.name for effect in model.effects if effect.name.startswith(starts))
     return names, sum(max(model.parameter(f"{name}.time").value, 0.0) for name in names)
 
-
-_MANY = 200_000
-"""Samples between steps from which on a reader is told that runs take minutes."""
 
 _ROOM = 1.5
 """Time between steps over what commands at their ends take for a step: a loop settles after it."""
@@ -538,11 +537,11 @@ LOUD = 0.005
 """What noise moves an output by, rms, over its step, from which on it may keep that from settling
 within 2 %: four times that is outside once in thousands of samples."""
 
-LONGEST, LONG = 20_000, 5_000
-"""Most samples between steps that a loop is given by default, seconds of computing, and ten times
-as many one of which nobody knows when it settles; and those that one which settles long before is
-given, for what its command does slowly then to begin to show: some ten times as many as most settle
-in."""
+LONGEST, UNTOLD, LONG = 20_000, 200_000, 5_000
+"""Most samples between steps that a loop is given by default, seconds of computing; those that one
+is of which nobody knows when it settles, beyond which a reader is told that runs take minutes; and
+those that one which settles long before is given, for what its command does slowly then to begin to
+show: some ten times as many as most settle in."""
 
 
 class Needed(NamedTuple):
@@ -591,7 +590,7 @@ def settling(
                 else:
                     long = max(long, settled)
             else:
-                most = 10 * LONGEST
+                most = UNTOLD
             room = room and has_room(linear, law.actuators, steps)
             ended = max(ended, least_time(linear, law.actuators, steps))
         all_told = all_told and told

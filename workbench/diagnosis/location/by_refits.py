@@ -58,5 +58,4 @@ def located_by_refits(
         return None
     most = max(fit.cost for fit in fits.values())
     alone = {group: most - fit.cost for group, fit in fits.items()}
-    location = Location(alone)
-    return location, replace(base, refit=best, passed=None)
+    return Location(alone), replace(base, refit=best, passed=None)

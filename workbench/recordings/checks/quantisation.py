@@ -9,7 +9,9 @@ from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording
 
-_MIN_LEVELS = 8
+_LEVELS_OF_A_GRID = 8
+"""Fewer levels show no grid."""
+
 MIN_LEVELS = 20
 """A signal of fewer levels is a switch or a counter, for which standing still is normal."""
 
@@ -31,18 +33,18 @@ def quantum(values: npt.ArrayLike) -> float:
     """
     array = np.asarray(values, dtype=float)
     levels = np.unique(array[np.isfinite(array)])
-    if len(levels) < _MIN_LEVELS:
+    if len(levels) < _LEVELS_OF_A_GRID:
         return 0.0
     span = levels[-1] - levels[0]
     distances = np.diff(levels)
     # Levels that differ by rounding only are one level.
     distances = distances[distances > 1e-9 * span]
-    if len(distances) < _MIN_LEVELS - 1:
+    if len(distances) < _LEVELS_OF_A_GRID - 1:
         return 0.0
     smallest = float(np.median(distances[distances <= 1.4 * distances.min()]))
     near = distances[distances <= 20.5 * smallest]
     # Among unrelated numbers the closest pair is far closer than the rest.
-    if len(near) < max(_MIN_LEVELS - 1, 0.3 * len(distances)):
+    if len(near) < max(_LEVELS_OF_A_GRID - 1, 0.3 * len(distances)):
         return 0.0
     for part in range(1, 7):
         step = smallest / part

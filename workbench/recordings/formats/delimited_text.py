@@ -115,7 +115,6 @@ def _tells(cell: str, decimal: str) -> bool:
 _MEASURED = re.compile(r"([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([^\W\d_].*|[°%].*)")
 
 
-@lru_cache(maxsize=4096)
 def with_its_unit(cell: str) -> tuple[str, str]:
     """Return the number and the unit of a cell that holds both; two empty texts of any other.
 
@@ -127,6 +126,7 @@ def with_its_unit(cell: str) -> tuple[str, str]:
     return (found[1], found[2]) if found and _known(found[2]) else ("", "")
 
 
+@lru_cache(maxsize=256)
 def _known(unit: str) -> str:
     """Return a unit without what it counts from; empty if it is none, or is an empty text."""
     return (unit and read_unit(unit)[0]) or ""
