@@ -18,7 +18,7 @@ from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.nonparametric.curve_description import describing_terms
 from workbench.diagnosis.nonparametric.dependence import loop_along, spread
-from workbench.diagnosis.nonparametric.fit import nonparametric_term
+from workbench.diagnosis.nonparametric.fit import drawn_values, nonparametric_term
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.evaluation.rig.cases import make_case
 from workbench.model import Model
@@ -142,6 +142,17 @@ def test_the_term_prints_ports_arguments_and_judgement() -> None:
     text = str(axis_term(True))
     for part in ("axis.force", "position", "p 0.01", "held-out", "m", "accepted"):
         assert part in text
+
+
+def test_curves_are_drawn_as_far_apart_as_the_refit_knows_them() -> None:
+    refit = axis_term(True).fit.refit
+    # Its deviations have what correlated errors add.
+    assert refit.inflations.max() > 1.05
+    places = range(len(refit.estimates))
+    drawn = np.concatenate(
+        [drawn_values(refit, places, np.random.default_rng(seed)) for seed in range(40)]
+    )
+    assert drawn.std(axis=0) == pytest.approx([e.std for e in refit.estimates], rel=0.05)
 
 
 def test_knots_over_a_rate_are_dense_about_zero() -> None:

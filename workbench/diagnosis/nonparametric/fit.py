@@ -28,6 +28,7 @@ from workbench.diagnosis.estimation.process_noise import (
     fit_with_process_noise,
     gain_interval,
 )
+from workbench.diagnosis.estimation.refit_result import Refit
 from workbench.diagnosis.nonparametric.curve_description import describing_terms
 from workbench.diagnosis.nonparametric.dependence import (
     Evidence,
@@ -306,9 +307,7 @@ def _with_evidence(
         own = found.curve(x, curve.argument)
         at = np.linspace(curve.knots[0], curve.knots[-1], 60)
         places = [names.index(f"{EFFECT_NAME}.{short}") for short in curve.names]
-        covariance = fit.covariance[np.ix_(places, places)]
-        centre = np.array([fit.estimates[i].value for i in places])
-        drawn = rng.multivariate_normal(centre, covariance, size=_DRAWS, method="svd")
+        drawn = drawn_values(fit, places, rng)
         arguments.append(
             Argument(
                 curve.argument,
@@ -324,6 +323,20 @@ def _with_evidence(
         )
     explained = 1.0 - float(np.mean(rest[known] ** 2)) / evidence.mean_square
     return replace(found, arguments=tuple(arguments), explained=explained)
+
+
+def drawn_values(fit: Refit, places: Sequence[int], rng: np.random.Generator) -> Vector:
+    """Draw values of estimates, in SI, as far apart as the refit knows them.
+
+    Args:
+        places: Those of the estimates among all.
+
+    Returns:
+        Shape (n_draws, n_places).
+    """
+    centre = np.array([fit.estimates[i].value for i in places])
+    covariance = fit.covariance[np.ix_(places, places)]
+    return rng.multivariate_normal(centre, covariance, size=_DRAWS, method="svd")
 
 
 def _bins(x: Vector, y: Vector, curve: Vector, weight: Vector) -> Bins:
