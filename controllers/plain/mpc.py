@@ -42,6 +42,7 @@ from workbench.arrays import Matrix
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation import LinearModel
 from workbench.linearisation.state_space import linear_model
+from workbench.model.units import quantity
 
 FASTEST = 0.15
 """Largest speed of a reference that is tried, times the sample time: a horizon has its samples."""
@@ -81,16 +82,17 @@ class PlainMPCSpecification(LoopSpecification):
             no end, in s; by default (0) two prediction samples, or what its slew lets it.
         disturbance: What the disturbance of the command is taken to walk by in ten time constants
             of the loop, rms, as a fraction of the command; what suits the loop by default (0).
-        output_limits: Outputs that shall stay between two values, in SI, each as
-            ``(name, lowest, highest)``; followed ones, or others, which are then read too. They
-            give way where they must, at a cost far beyond that of the same error.
+        output_limits: Outputs that shall stay between two values, each as
+            ``(name, lowest, highest)``, numbers in SI or texts with a unit such as ``"-30 cm/s"``;
+            followed ones, or others, which are then read too. They give way where they must, at a
+            cost far beyond that of the same error.
     """
 
     speed: float = 0.0
     error_scale: float | tuple[float, ...] = 0.0
     rate_time: float = 0.0
     disturbance: float = 0.0
-    output_limits: tuple[tuple[str, float, float], ...] = ()
+    output_limits: tuple[tuple[str, float | str, float | str], ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -102,31 +104,40 @@ class PlainMPCSpecification(LoopSpecification):
         object.__setattr__(self, "output_limits", rows)
 
     def reading_limited(self, linear: LinearModel) -> PlainMPCSpecification:
-        """Return the specification that reads the limited outputs too.
+        """Return the specification that reads the limited outputs too, with limits in SI.
 
         Raises:
             WorkbenchError: If there is no such output, or it rests beyond its limits.
         """
         rest = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
-        for name, low, high in self.output_limits:
+        units = {q.name: q.unit for q in outputs_of(linear)}
+        rows = []
+        for name, *ends in self.output_limits:
             check_choice("limited output", name, rest)
+            low, high = (
+                quantity(f"limit of {name}", end, units[name]) if isinstance(end, str) else end
+                for end in ends
+            )
+            rows.append(_limits_of_output((name, low, high)))
             check_range(f"{name} at rest", rest[name], low, high, fix="limits hold what rests")
         followed, *_ = followed_by(linear, self.measured, self.actuator)
-        read = dict.fromkeys((*named(self.also_measured), *(n for n, *_ in self.output_limits)))
-        return replace(self, also_measured=tuple(n for n in read if n not in followed))
+        read = dict.fromkeys((*named(self.also_measured), *(n for n, *_ in rows)))
+        also = tuple(n for n in read if n not in followed)
+        return replace(self, also_measured=also, output_limits=tuple(rows))
 
 
-def _limits_of_output(row: Any) -> tuple[str, float, float]:
+def _limits_of_output(row: Any) -> tuple[str, float | str, float | str]:
     """Return name, lowest and highest value as they are told, in a tuple or in a list."""
     try:
         name, low, high = row if isinstance(row, (tuple, list)) else (row,)
-        if isinstance(name, str) and 0.0 + low < 0.0 + high:
+        told = isinstance(low, str) or isinstance(high, str)
+        if isinstance(name, str) and (told or 0.0 + low < 0.0 + high):
             return name, low, high
     except (TypeError, ValueError):
         pass
     raise WorkbenchError(
-        f"output_limits holds {row!r}; give each output its name, the lowest and the highest value"
-        " in SI, -inf and inf for none, such as ('speed', -0.3, 0.3)"
+        f"output_limits holds {row!r}; give each output its name, the lowest and the highest value,"
+        " numbers in SI or texts with a unit, -inf and inf for none, such as ('speed', -0.3, 0.3)"
     )
 
 
@@ -268,9 +279,10 @@ def _problem(
     rate = np.where(ended, share, 1.0) / (want.rate_time or 2.0 * step)
     slow = loop.slew / full
     scales = {q.name: q.scale for q in outputs_of(loop.shown)}
+    limits = [(name, float(low), float(high)) for name, low, high in want.output_limits]
     limited = tuple(
         (loop.sensors.index(name), min(0.5 * (high - low), scales[name]))
-        for name, low, high in want.output_limits
+        for name, low, high in limits
     )
     problem = Problem(
         curves=_straight(loop),
@@ -284,7 +296,7 @@ def _problem(
         ),
         ends=((-below / full).tolist(), (above / full).tolist()),
         move_limit=tuple((np.minimum(rate, slow) * step).tolist()),
-        output_limits=tuple((low, high) for _, low, high in want.output_limits),
+        output_limits=tuple((low, high) for _, low, high in limits),
         disturbances=(entry, speed / time * random_walk(disturbance, speed)),
         reference_speed=(lag,) * p,
         first_limit=tuple((slow * h).tolist()) if np.isfinite(slow).any() else (),

@@ -39,7 +39,7 @@ def limited(linear: LinearModel, *limits: Any) -> Any:
 
 def test_another_output_stays_within_its_limits(linear: LinearModel, tmp_path: Path) -> None:
     asked = step_scenario("x", 0.0, 0.5, hold=4.0, sample_time=0.02, back=True)
-    free, held = limited(linear), limited(linear, ("v", -0.3, math.inf))
+    free, held = limited(linear), limited(linear, ("v", "-30 cm/s", math.inf))
     assert (free.sensors, held.sensors) == (("x",), ("x", "v"))
     runs = [verify(law, cart(), asked) for law in (free, held)]
     # Noise of the sensor and what is foreseen every other sample are 3 % of it.
@@ -69,7 +69,8 @@ def test_the_followed_output_goes_no_further_than_its_limit(linear: LinearModel)
         (("v", 0.1, 1.0), "v at rest is 0; the valid range is 0.1 to 1; limits hold what rests"),
         (("v", 1.0, -1.0), r"output_limits holds \('v', 1.0, -1.0\); give each"),
         (("v", 1.0), r"output_limits holds \('v', 1.0\); give each"),
-        (("v", "0.1 m/s", "0.2 m/s"), "lowest and the highest value in SI"),
+        (("v", "2 cm/s", "-20 mm/s"), r"output_limits holds \('v', 0.02, -0.02\); give each"),
+        (("v", "-3 N", "3 N"), "limit of v '-3 N' has the unit 'N', which does not measure it"),
         ("v", "output_limits holds 'v'; give each"),
     ],
 )
