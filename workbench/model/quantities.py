@@ -130,8 +130,16 @@ class Quantity:
     def _check_units(self) -> None:
         try:
             unit = parse_unit(self.unit)
+            like = not self.display_unit or same_dimension(self.display_unit, self.unit)
         except WorkbenchError as error:
             raise WorkbenchError(f"{self.name}: {error}") from None
+        if not like:
+            gravity = self.display_unit == "g" and same_dimension(self.unit, "gn")
+            raise WorkbenchError(
+                f"display_unit {self.display_unit!r} of {self.name} does not measure what"
+                f" {self.unit!r} does; give a unit of the same kind"
+                f"{', 9.80665 m/s2 being gn' * gravity}"
+            )
         stated = in_symbols(self.unit)
         object.__setattr__(self, "unit", stated)
         if math.isclose(unit.factor, 1.0) and not unit.offset:
@@ -181,17 +189,10 @@ class Channel(Quantity):
     """What goes into a machine or is read from it; people read it in its unit by default."""
 
     def _check_units(self) -> None:
-        """Check both units; the SI unit is the default for display."""
+        """Check units; the SI unit is the default for display."""
         super()._check_units()
         if not self.display_unit:
             object.__setattr__(self, "display_unit", self.unit)
-        if not same_dimension(self.display_unit, self.unit):
-            gravity = self.display_unit == "g" and same_dimension(self.unit, "gn")
-            raise WorkbenchError(
-                f"display_unit {self.display_unit!r} of {self.name} does not measure what"
-                f" {self.unit!r} does; give a unit of the same kind"
-                f"{', 9.80665 m/s2 being gn' * gravity}"
-            )
 
 
 @dataclass(frozen=True)

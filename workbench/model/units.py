@@ -122,6 +122,7 @@ _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     "cfm": (0.028316846592 / 60.0, _dim(m=3, s=-1)),
     **dict.fromkeys(("in", "inch"), (0.0254, _dim(m=1))),
     "ft": (0.3048, _dim(m=1)),
+    "ha": (1e4, _dim(m=2)),
     "nmi": (1852.0, _dim(m=1)),
     "kn": (1852.0 / 3600.0, _dim(m=1, s=-1)),
     "mph": (0.44704, _dim(m=1, s=-1)),
@@ -139,7 +140,7 @@ _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     "hp": (745.6998715822702, _W),
 }  # fmt: skip
 
-_NAMES = re.compile(r"in|d|C|T|S|MA|atm|cal|(?!cm|hr|nF|ns|pF)[cdhnp][A-Za-zΩ]")
+_NAMES = re.compile(r"in|d|C|T|S|MA|atm|cal|(?!cm|ha|hr|nF|ns|pF)[cdhnp][A-Za-zΩ]")
 """Symbols that end a name more often than they are its unit."""
 
 _SPELLINGS = {

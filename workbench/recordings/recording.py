@@ -18,6 +18,9 @@ from workbench.recordings.quantity_kinds import kind_of
 Role = Literal["command", "reference", "measurement"]
 Scalar = str | int | float | bool
 
+_EVEN = 0.02
+"""Part of a step by which a rounded clock may miss a sample of an even time base."""
+
 
 def _frozen(values: npt.ArrayLike, what: str) -> Vector:
     array = np.array(values, dtype=float)
@@ -237,8 +240,19 @@ class Recording(Drawn):
 
     @property
     def sample_time(self) -> float:
-        """Median step of the time base, in s; NaN with fewer than two samples."""
-        return float(np.median(np.diff(self.time))) if len(self.time) > 1 else float("nan")
+        """Median step of the time base, in s; NaN with fewer than two samples.
+
+        Of even steps, missing rows aside, it is their mean, which a rounded clock leaves right.
+        """
+        if len(self.time) < 2:
+            return float("nan")
+        steps = np.diff(self.time)
+        usual = float(np.median(steps))
+        if not usual > 0.0:
+            return usual
+        whole = np.round(steps / usual)
+        even = bool(np.all(np.abs(steps - whole * usual) < _EVEN * usual) and np.all(whole >= 1.0))
+        return self.duration / float(whole.sum()) if even else usual
 
     @property
     def increasing(self) -> bool:

@@ -1,5 +1,7 @@
 """The estimates against signals whose noise and steps are known."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -78,3 +80,13 @@ def test_steps_that_reach_a_signal_at_once_are_no_noise(rng: np.random.Generator
     assert white_rms(values, quantile=0.25) > 0.014
     assert usual_rms(values) == pytest.approx(0.0105, rel=0.08)
     assert np.isnan(usual_rms(np.repeat(np.arange(10.0), 20)))
+
+
+@pytest.mark.parametrize("steps", [0.3, 0.5, 1.0, 2.0, 5.0])
+def test_the_usual_noise_between_steps_of_a_converter(
+    steps: float, rng: np.random.Generator
+) -> None:
+    # Noise of so many steps, rounded to one of them; the differences are whole numbers then.
+    moving = 300.0 * np.sin(np.arange(3000) * 0.004)
+    values = 0.25 * np.round(moving + rng.normal(0.0, steps, moving.size))
+    assert usual_rms(values) == pytest.approx(0.25 * math.hypot(steps, 12**-0.5), rel=0.08)

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.start import fit_to_few
 from workbench.diagnosis.estimation.windows import settled, windowed_run
@@ -16,6 +17,7 @@ from workbench.errors import WorkbenchError
 from workbench.model import Input, Model, Output
 from workbench.model.units import from_si, of_difference, with_unit
 from workbench.recordings.checks.noise import (
+    BLOCK,
     all_white_rms,
     growing_rms,
     noise_of,
@@ -35,6 +37,9 @@ sample to sample, over its deviation, and the part of the samples at which it ma
 
 _ROUNDS = 3
 """Refits that look for the noise beside a model."""
+
+_SCATTER = 5.0
+"""Three standard deviations of an estimate of noise from one sample, over the noise."""
 
 _CLEARLY_LESS = 0.7
 """Part of what successive samples do not share below which a model has foretold the rest."""
@@ -130,15 +135,26 @@ def with_noise(model: Model, recordings: Sequence[Recording]) -> Model:
         read = [r[q.name][r.valid(q.name)] for r in measured]
         if q.noise_rms == 0 and q.resolution == 0 and read:
             step = max(recorded_quantum(r, q.name) for r in recordings if q.name in r)
-            white = [white_rms(v, order=order, quantile=0.25) for v in read for order in (4, 6)]
-            white += [usual_rms(v) for v in read]
-            least = min((w for w in white if np.isfinite(w)), default=0.0)
+            least = _least_rms(read)
             # Between steps that are coarser than the noise it does not show how it grows.
             rest, growing = growing_rms(read) if step < least else (least, 0.0)
             noise = max((rest if growing else least) ** 2 - step**2 / 12, 0.0) ** 0.5
             q = replace(q, noise_rms=noise, relative_noise_rms=growing, resolution=step)  # noqa: PLW2901
         outputs.append(q)
     return replace(model, outputs=tuple(outputs))
+
+
+def _least_rms(read: Sequence[Vector]) -> float:
+    """Return the least rms of noise that estimates tell of one sensor in several recordings."""
+
+    def told(values: Vector) -> float:
+        white = [white_rms(values, order=order, quantile=0.25) for order in (4, 6)]
+        return min((w for w in (*white, usual_rms(values)) if np.isfinite(w)), default=0.0)
+
+    # One estimate scatters; the least of many is too low.
+    together = told(np.concatenate([v[: len(v) // BLOCK * BLOCK or None] for v in read]))
+    alone = [(told(v), 1.0 - _SCATTER / math.sqrt(max(len(v), 1))) for v in read]
+    return min([together, *(rms for rms, part in alone if rms < part * together)])
 
 
 def unforetold(

@@ -19,7 +19,9 @@ from workbench.recordings.checks.quantisation import recorded_quantum
 from workbench.recordings.checks.time_base import jitter
 from workbench.recordings.recording import Recording, Signal
 
-_BLOCK = 100
+BLOCK = 100
+"""Samples of a block whose noise is estimated."""
+
 _SMALL, _MANY, _FREE = 24, 20, 8
 _ORDER = 4
 
@@ -75,7 +77,7 @@ def white_rms(values: npt.ArrayLike, *, order: int = _ORDER, quantile: float = 0
         0.01
     """
     array = np.asarray(values, dtype=float)
-    size = min(_BLOCK, len(array))
+    size = min(BLOCK, len(array))
     if size < 3 * order:
         return float("nan")
     blocks = array[: len(array) // size * size].reshape(-1, size)
@@ -157,17 +159,27 @@ def usual_rms(values: npt.ArrayLike) -> float:
 
     What happens at less than half of the differences does not count: steps of an input that reach
     the signal at once, at most one in twice the order of samples. NaN where most differences are
-    zero, as between the steps of a converter.
+    zero, as between the steps of a converter; of few such steps the median lies between two.
 
     Args:
         values: Uniformly sampled values, shape (n,), any unit.
 
     Source:
-        F. R. Hampel, J. Amer. Statist. Assoc. 69 (1974): the median is 0.6745 of the deviation.
+        F. R. Hampel, J. Amer. Statist. Assoc. 69 (1974): the median is 0.6745 of the deviation;
+        Y. Ma, M. G. Genton and E. Parzen, Ann. Inst. Stat. Math. 63 (2011): that of discrete
+        values, between the middles of their shares.
     """
     differences = np.abs(np.diff(np.asarray(values, dtype=float), _ORDER))
-    middle = float(np.nanmedian(differences)) if np.isfinite(differences).any() else 0.0
-    return _of_median(middle) if middle > 0.0 else float("nan")
+    differences = np.sort(differences[np.isfinite(differences)])
+    if not differences.size or not np.median(differences) > 0.0:
+        return float("nan")
+    # What a step of the converter parts differs by more than the last digits do.
+    first = np.flatnonzero(np.diff(differences, prepend=-1.0) > 1e-9 * differences[-1])
+    counts = np.diff(first, append=len(differences))
+    share = (first + 0.5 * counts) / len(differences)
+    if differences[0] <= 1e-9 * differences[-1]:
+        share[0] = 0.0  # A difference of nothing has both signs.
+    return _of_median(float(np.interp(0.5, share, differences[first])))
 
 
 def noise_of(recording: Recording, name: str) -> NoiseFloor:
