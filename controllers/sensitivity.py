@@ -23,6 +23,10 @@ from workbench.linearisation.transfer import transfer_function, with_modes, zero
 from workbench.linearisation.zero_order_hold import zero_order_hold
 from workbench.model.quantities import of_names
 
+_PURE_DELAY, _SLOWEST = 1e-6, 1e-9
+"""Size of a mode of the sampled loop below which it is a delay; slowest one that is looked at, in
+rad per sample."""
+
 
 def peak_sensitivities(controller: Controller, linear: LinearModel) -> tuple[float, float]:
     """Compute Ms and Mt, ratios, of the loop opened at the measured first sensor.
@@ -36,7 +40,8 @@ def peak_sensitivities(controller: Controller, linear: LinearModel) -> tuple[flo
     Source:
         Åström and Hägglund, Advanced PID Control, 2006, section 4.6.
     """
-    return peaks_of(loop_matrices(controller, linear), frequencies())[:2]
+    loop = loop_matrices(controller, linear)
+    return peaks_of(loop, down_to_slow(loop, frequencies()))[:2]
 
 
 class Peaks(NamedTuple):
@@ -70,6 +75,22 @@ def frequencies(points: int = 300) -> Matrix:
     return np.geomspace(2e-4 * np.pi, 0.98 * np.pi, points)
 
 
+def down_to_slow(loop_parts: LoopMatrices, angle: Matrix) -> Matrix:
+    """Return frequencies, in rad per sample, that begin well below the slowest mode of the loop.
+
+    A loop that samples thousands of times faster than it moves has all of its margins below what
+    the sampling alone would look at.
+    """
+    modes = np.linalg.eigvals(loop_parts.closed)
+    speeds = np.abs(np.log(modes[np.abs(modes) > _PURE_DELAY].astype(complex)))
+    lowest = 0.1 * float(np.min(speeds, initial=math.inf))
+    more = math.log(angle[0] / max(lowest, _SLOWEST)) / math.log(angle[1] / angle[0])
+    if more <= 0.0:
+        return angle
+    below = angle[0] * (angle[1] / angle[0]) ** -np.arange(math.ceil(more), 0.0, -1.0)
+    return np.concatenate([below, angle])
+
+
 def with_resonances(loop_parts: LoopMatrices, angle: Matrix) -> Matrix:
     """Return frequencies, in rad per sample, with more of them about lightly damped modes.
 
@@ -81,7 +102,7 @@ def with_resonances(loop_parts: LoopMatrices, angle: Matrix) -> Matrix:
     for k, row in itertools.product(range(B.shape[1]), C):
         found += [*zeros_of(A, B[:, k], row)]
     # What is a pure delay has no frequency.
-    turning = np.array([z for z in found if abs(z) > 1e-6 and z.imag > 0.0], dtype=complex)
+    turning = np.array([z for z in found if abs(z) > _PURE_DELAY and z.imag > 0.0], dtype=complex)
     return with_modes(angle, np.log(turning))
 
 

@@ -14,11 +14,12 @@ import pytest
 from controllers.mpc.whole_model import design_mpc
 from controllers.pid import CascadePID, FixedGains, design_pid
 from controllers.plain.pid_design import design_plain_pid
+from controllers.plain.transfer_law import pid_by_hand
 from controllers.sensitivity import loop_matrices, peak_sensitivities
 from controllers.sliding_mode import design_sliding_mode
 from tests.machines import machine
 from tests.study.small_study import BY_BANDWIDTH, small_study
-from workbench.linearisation import LinearModel, linearise
+from workbench.linearisation import LinearModel, linear_model, linearise
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
 from workbench.study.margins import analyse_loop, analyse_study
@@ -138,3 +139,15 @@ def test_a_light_resonance_is_met_between_frequencies(damping: float) -> None:
     assert peak[0] == pytest.approx(peak[1], rel=0.01)
     for name in ("sensitivity", "complementary", "disk_margin", "phase_margin", "gain_margin"):
         assert getattr(found, name) == pytest.approx(getattr(dense, name), rel=2e-3)
+
+
+def test_a_loop_far_slower_than_its_samples_has_its_margins() -> None:
+    # 7 (1 + 1/(10 s)) exp(-s)/(10 s + 1) = 0.7 exp(-s)/s crosses 1 at 0.7 rad/s; samples of 2 ms.
+    late = linear_model(ct.tf([1.0], [10.0, 1.0]), delay=1.0)
+    law = pid_by_hand(7.0, 0.7, measured="y", actuator="u", sample_time=0.002)
+    found = analyse_loop(law, late)[0]
+    assert found.crossover_Hz == pytest.approx(0.7 / (2 * math.pi), rel=1e-2)
+    assert found.phase_margin == pytest.approx(math.pi / 2 - 0.7, rel=5e-3)
+    assert found.gain_margin == pytest.approx(math.pi / 2 / 0.7, rel=5e-3)
+    assert found.delay_margin == pytest.approx((math.pi / 2 - 0.7) / 0.7, rel=5e-3)
+    assert peak_sensitivities(law, late)[0] == pytest.approx(found.sensitivity, rel=1e-2)

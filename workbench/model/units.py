@@ -351,17 +351,38 @@ def parse_unit(text: str) -> Unit:
     return Unit(text, factor, dimensions)
 
 
+_PLAIN = ("V", "Ohm", "W", "J", "N", "Pa", "F", "H")
+
+
 def in_si(unit: str) -> str:
     """Return the unit of the SI that measures what a unit does.
 
     Example:
         >>> in_si("mg/dl"), in_si("1/min"), in_si("kW/m2"), in_si("bar"), in_si("%")
         ('kg/m3', '1/s', 'kg/s3', 'Pa', '1')
+        >>> in_si("nm/V"), in_si("K/kW"), in_si("mV s"), in_si("Nm/A2")
+        ('m/V', 'K/W', 'V s', 'H')
     """
     dimensions = parse_unit(unit).dimensions
-    for plain in ("N", "Pa", "J", "W", "V", "Ohm", "F", "H"):
-        if parse_unit(plain).dimensions == dimensions:
-            return plain
+    of = {plain: parse_unit(plain).dimensions for plain in _PLAIN}
+    if dimensions in of.values():
+        return next(plain for plain, own in of.items() if own == dimensions)
+    # What is electric or thermal and holds one by its name is shorter than what spells it out.
+    named = {base for base, _ in dimensions} & {"A", "K"}
+    ways = [
+        _combine(_combine(dimensions, own, -power), ((plain, 1),), power)
+        for plain, own in (of.items() if named else ())
+        for power in (1, -1)
+    ]
+    ways = [dimensions, *(way for way in ways if not any(base == "kg" for base, _ in way))]
+    return _written(min(ways, key=_size))
+
+
+def _size(dimensions: Dimensions) -> float:
+    return sum(abs(power) for _, power in dimensions)
+
+
+def _written(dimensions: Dimensions) -> str:
     above = [f"{base}{power if power != 1 else ''}" for base, power in dimensions if power > 0]
     below = [f"{base}{-power if power != -1 else ''}" for base, power in dimensions if power < 0]
     text = " ".join(above) or "1"

@@ -23,6 +23,7 @@ import numpy as np
 from controllers.protocol import Controller, Measurement
 from controllers.sensitivity import (
     LoopMatrices,
+    down_to_slow,
     frequencies,
     gain_of,
     least_gain,
@@ -117,7 +118,7 @@ def analyse_loop(
     Args:
         point: Given values of the operating point, by name, in SI, for the record.
         points: Number of frequencies up to 0.98 of the Nyquist frequency; beside them stand those
-            of lightly damped modes.
+            of lightly damped modes, and below them those of a loop that is far slower.
         every: Whether it is opened at the other sensors too.
         delay: Time by which every command is late beside the sampling, in s.
 
@@ -135,7 +136,7 @@ def analyse_loop(
     sizes = {q.name: q.scale for q in linear.operating_point.model.outputs}
     _check_linear(controller, at_rest, values, sizes.get(controller.sensors[0], 1.0))
     (loop,), h = loops_at(controller, linear, ((delay, 0.0),)), controller.sample_time
-    angle = with_resonances(loop, frequencies(points))
+    angle = with_resonances(loop, down_to_slow(loop, frequencies(points)))
     sensors, commands = controller.sensors, controller.actuators
     shown = sensors if every else controller.controlled if len(commands) > 1 else sensors[:1]
     seen = [sensors.index(name) for name in shown if name in sensors]
