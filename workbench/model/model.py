@@ -280,7 +280,7 @@ class Model(Shown):
             '0.013 mm'
         """
         written, factor = self.reading(unit, *ports, size=size)
-        return with_unit(f"{factor * size:.{digits}g}", written)
+        return with_unit(f"{float(f'{factor * size:.{digits}g}'):g}", written)
 
     def parameter(self, name: str) -> Parameter:
         """Return a parameter by name; ``effect.name`` for one of an effect."""

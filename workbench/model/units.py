@@ -84,6 +84,8 @@ _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     "‰": (1e-3, _ONE),
     "ppm": (1e-6, _ONE),
     "ppb": (1e-9, _ONE),
+    **dict.fromkeys(("%RH", "%rH", "vol%"), (0.01, _ONE)),
+    "ppmv": (1e-6, _ONE),
     "t": (1e3, _dim(kg=1)),
     "min": (60.0, _S),
     "h": (3600.0, _S),
@@ -94,6 +96,7 @@ _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     **dict.fromkeys(("year", "yr"), (365.25 * 86400.0, _S)),
     "bpm": (1.0 / 60.0, _dim(s=-1)),
     **dict.fromkeys(("deg", "°"), (math.pi / 180, _dim(rad=1))),
+    "mdeg": (math.pi / 180e3, _dim(rad=1)),
     "arcmin": (math.pi / 10800, _dim(rad=1)),
     "arcsec": (math.pi / 648000, _dim(rad=1)),
     **dict.fromkeys(("turn", "rev"), (2 * math.pi, _dim(rad=1))),
@@ -112,14 +115,23 @@ _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     "inHg": (3386.389, _PA),
     "cmH2O": (98.0665, _PA),
     "mmH2O": (9.80665, _PA),
-    "inH2O": (249.08891, _PA),
+    **dict.fromkeys(("inH2O", "inWC"), (249.08891, _PA)),
     **dict.fromkeys(("Torr", "torr"), (101325.0 / 760.0, _PA)),
     "mTorr": (101.325 / 760.0, _PA),
     # A flow of gas as meters of it count: the volume that it would have at standard conditions.
     "sccm": (1e-6 / 60.0, _dim(m=3, s=-1)),
     **dict.fromkeys(("slm", "slpm"), (1e-3 / 60.0, _dim(m=3, s=-1))),
     "gpm": (3.785411784e-3 / 60.0, _dim(m=3, s=-1)),
-    "cfm": (0.028316846592 / 60.0, _dim(m=3, s=-1)),
+    **dict.fromkeys(("cfm", "scfm"), (0.028316846592 / 60.0, _dim(m=3, s=-1))),
+    "Nl": (1e-3, _dim(m=3)),
+    "gal": (3.785411784e-3, _dim(m=3)),
+    "bbl": (0.158987294928, _dim(m=3)),
+    **{p + a: (f, _W) for p, f in (("", 1.0), ("k", 1e3), ("M", 1e6)) for a in ("VA", "var")},
+    "PS": (735.49875, _W),
+    "BTU": (1055.05585262, _J),
+    **dict.fromkeys(("G", "gauss"), (1e-4, _dim(kg=1, s=-2, A=-1))),
+    "Pas": (1.0, _dim(kg=1, m=-1, s=-1)),
+    "mPas": (1e-3, _dim(kg=1, m=-1, s=-1)),
     **dict.fromkeys(("in", "inch"), (0.0254, _dim(m=1))),
     "ft": (0.3048, _dim(m=1)),
     "ha": (1e4, _dim(m=2)),
@@ -140,7 +152,7 @@ _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     "hp": (745.6998715822702, _W),
 }  # fmt: skip
 
-_NAMES = re.compile(r"in|d|C|T|S|MA|atm|cal|(?!cm|ha|hr|nF|ns|pF)[cdhnp][A-Za-zΩ]")
+_NAMES = re.compile(r"in|d|C|T|S|G|MA|PS|atm|cal|var|(?!cm|ha|hr|nF|ns|pF)[cdhnp][A-Za-zΩ]")
 """Symbols that end a name more often than they are its unit."""
 
 _SPELLINGS = {
@@ -161,7 +173,7 @@ _SPELLINGS = {
     **dict.fromkeys(("turns", "revs", "revolution", "revolutions", "Umdr"), "turn"),
     **dict.fromkeys(("radian", "radians", "RAD"), "rad"),
     **dict.fromkeys(("liter", "liters", "litre", "litres"), "l"),
-    "Upm": "rpm", "knot": "kn", "knots": "kn", "percent": "%", "VA": "V A",
+    "Upm": "rpm", "knot": "kn", "knots": "kn", "percent": "%",
 }  # fmt: skip
 """How loggers and people spell units."""
 
@@ -271,11 +283,13 @@ def in_symbols(text: str) -> str:
     """Return a unit with words for units replaced by their symbols.
 
     Example:
-        >>> in_symbols("meters/sec"), in_symbols("km/h"), in_symbols("deg C"), in_symbols("U/min")
-        ('m/s', 'km/h', 'degC', 'rpm')
+        >>> in_symbols("meters/sec"), in_symbols("deg C"), in_symbols("U/min"), in_symbols("Nm3/h")
+        ('m/s', 'degC', 'rpm', 'm3/h')
     """
     # A letter alone is as often a name: a voltage, a radius.
     text = re.sub(r"^(U|r|tr)/min$", "rpm", text)
+    # A cubic metre at standard conditions, not newtons.
+    text = re.sub(r"^Nm(3|³|\^3)(?=/)", "m3", text)
     symbols = _WORD.sub(lambda m: _symbol(m.group()), text)
     return re.sub(r"(deg|°)\s+(deg)?(?=[CF]$)", r"\1", symbols)
 
