@@ -13,7 +13,7 @@ AC-43, 1998.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 
 import numpy as np
@@ -46,7 +46,8 @@ class PlainSlidingModeSpecification(ObserverSpecification):
     Args:
         slope: Speed of the poles on the surface, in rad/s; poles of the model that are faster stay.
             By default (0) the best loop within its limits.
-        reach: What may lead to the surface, as a fraction of the command.
+        reach: What may lead to the surface, as a fraction of the command; more where a load of
+            that size asks for more.
         layer_bandwidth: Pole inside the boundary layer, in rad/s; twice the slope by default (0).
     """
 
@@ -90,6 +91,7 @@ def design_plain_sliding_mode(
 
         tried = itertools.product(slopes, disturbances(limits, want.disturbance), doubts(loop))
         law, _ = best_of(limits, designed, [((), at) for at in tried], "a sliding mode")
+        law = _bearing(law, law.reach)
         return at_pace(limits.late, model.led(limits.late, law))
 
     def helps(limits: LoopLimits, wider: LoopLimits) -> bool:
@@ -132,6 +134,27 @@ def _sliding(
         "layer": reach / bandwidth,
     }
     return model.law(kept[None, :n], -kept[None, n:], slope, told)
+
+
+def _bearing(law: ObserverLaw, load: float) -> ObserverLaw:
+    """Return a law that holds its reference under a load inside its layer, the same law there.
+
+    A load that the filter does not know moves its estimate from the surface, far where what is
+    foretold over a delay has large gains: what leads back must bear that too, or the integral,
+    which stands beyond the layer, never takes over.
+
+    Args:
+        load: Constant load on the command, in SI.
+    """
+    own = (law.F, law.G, law.C, law.M, law.gain, law.integral_gain)
+    F, G, C, M, K, Kq = (np.array(part) for part in own)
+    S, steep = np.array(law.surface), law.reach / law.layer
+    # At rest the command makes up for the load, and outputs and plant are where they were.
+    predicted = np.linalg.solve(np.eye(len(F)) - F + F @ M @ C, -G[:, 0] * load)
+    x = predicted - M @ (C @ predicted)
+    q = (K[0] @ x + steep * S @ x - load) / (Kq[0, 0] + steep * law.surface_integral)
+    beyond = abs(float(S @ x - law.surface_integral * q)) / law.layer
+    return replace(law, reach=law.reach * max(beyond, 1.0), layer=law.layer * max(beyond, 1.0))
 
 
 def _surface(A: Matrix, B: Matrix, poles: list[complex], size: Vector, actuator: str) -> Matrix:

@@ -15,7 +15,7 @@ from workbench.diagnosis.selection import rules
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import held_out_errors, over_noise
 from workbench.diagnosis.selection.rules import lacks_little
-from workbench.diagnosis.selection.score import COLLINEAR
+from workbench.diagnosis.selection.score import COLLINEAR, Score
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import AWAY, Finding, Kind, Verdict
 from workbench.files import picked
@@ -327,20 +327,16 @@ def _parameters(fit: ProcessNoiseFit) -> dict[str, dict[str, object]]:
 
 def _not_testable(diagnosis: Diagnosis) -> tuple[Mapping[str, str], ...]:
     scores = diagnosis.scored.scores.scores if diagnosis.scored else ()
-    return tuple(
-        {
-            "effect": s.entry.name,
-            "reason": (
-                f"{100 * s.collinearity:.1f} % of its signature is collinear with parameters"
-                if s.collinearity >= COLLINEAR
-                else "only sizes beyond"
-                f" {diagnosis.nominal.size_text(s.smallest, s.entry.unit, s.entry.effect.places)}"
-                " would show"
-            ),
-        }
-        for s in scores
-        if not s.testable
-    )
+
+    def reason(s: Score) -> str:
+        if s.collinearity >= COLLINEAR:
+            return f"{100 * s.collinearity:.1f} % of its signature is collinear with parameters"
+        if s.entry.unit == "1" and s.entry.largest_size == 1.0 < s.smallest:
+            return "not even all of it would show"
+        size = diagnosis.nominal.size_text(s.smallest, s.entry.unit, s.entry.effect.places)
+        return f"only sizes beyond {size} would show"
+
+    return tuple({"effect": s.entry.name, "reason": reason(s)} for s in scores if not s.testable)
 
 
 def _refused(diagnosis: Diagnosis) -> tuple[Mapping[str, object], ...]:

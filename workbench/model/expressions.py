@@ -37,7 +37,7 @@ def cofactor(expression: ca.SX, symbol: ca.SX) -> ca.SX | None:
 
 
 def terms(expression: ca.SX) -> list[ca.SX]:
-    """Return what adds up to an expression, any unit, each over what all of it is divided by.
+    """Return what adds up to an expression, any unit, each times what all of it is multiplied by.
 
     The difference of two bare symbols is one term: what counts is how far they are apart.
 
@@ -46,6 +46,8 @@ def terms(expression: ca.SX) -> list[ca.SX]:
         >>> a, k, m, p, x, y = (ca.SX.sym(n) for n in "akmpxy")
         >>> terms((a * p - k * (x - y)) / m)
         [SX(((a*p)/m)), SX((-((k*(x-y))/m)))]
+        >>> terms(k * (a * p - x))
+        [SX((k*(a*p))), SX((-(k*x)))]
     """
     parts = [expression.dep(i) for i in range(expression.n_dep())]
     op = expression.op() if parts else None
@@ -53,6 +55,10 @@ def terms(expression: ca.SX) -> list[ca.SX]:
         return [-part for part in terms(parts[0])]
     if op == ca.OP_DIV:
         return [part / parts[1] for part in terms(parts[0])]
+    if op == ca.OP_MUL:
+        first, second = (terms(part) for part in parts)
+        if min(len(first), len(second)) == 1 < max(len(first), len(second)):
+            return [a * b for a in first for b in second]
     if op in (ca.OP_ADD, ca.OP_SUB) and any(part.n_dep() for part in parts):
         return [*terms(parts[0]), *terms(parts[1] if op == ca.OP_ADD else -parts[1])]
     return [expression]
