@@ -60,8 +60,9 @@ def design_plain_pid(
 ) -> TransferLaw:
     """Design a PID between commands and outputs of any linear model, one for each output.
 
-    At a crossover frequency w, a zero at a share of w integrates, a lead network gives the phase
-    that is missing to a phase margin, and the gain is what is left. Of all w, shares and margins it
+    At a crossover frequency w, a zero at a share of w integrates, a lead network, no wider than it
+    must be or with a filter far beyond w, gives the phase that is missing to a phase margin, and
+    the gain is what is left. Of all w, shares and margins it
     is the best within limits (`controllers.plain.limits`), the reference weighted by what lets a
     step overshoot no further than it may; its four gains are then changed one by one as long as
     that helps.
@@ -512,6 +513,10 @@ PHASE_MARGINS = (1.15, 0.95, 0.75, 0.55)
 LIFT = 1.4
 """Largest phase that a lead network gives, in rad."""
 
+FILTER = 0.1
+"""Time constant of the derivative's filter that is tried beside that of the least lead, in time
+constants of the crossover."""
+
 
 def _at_crossover(
     speeds: Vector,
@@ -524,18 +529,23 @@ def _at_crossover(
     Returns:
         Kp, Ki, Kd and Tf, shape (n, 4), in SI, and the places of their speeds, shape (n,).
     """
-    grid = np.meshgrid(np.arange(len(speeds)), zeros, margins, (1.0, -1.0), indexing="ij")
-    which, zero, margin, sign = (part.ravel() for part in grid)
+    signs, filters = (1.0, -1.0), (0.0, FILTER)
+    grid = np.meshgrid(np.arange(len(speeds)), zeros, margins, signs, filters, indexing="ij")
+    which, zero, margin, sign, sharp = (part.ravel() for part in grid)
     rare, which = np.isin(zero, NEARLY_INTEGRALS), which.astype(int)
     w, P = speeds[which], plant[which]
     missing = margin - np.pi - np.angle(P) + np.arctan(1.0 / zero) + np.where(sign < 0.0, np.pi, 0)
     lift = missing - 2.0 * np.pi * np.round(missing / (2.0 * np.pi))
     may = (P != 0.0) & (lift <= LIFT) & ~(rare & (which % 3 > 0))
-    w, P, zero, sign, lift = w[may], P[may], zero[may], sign[may], np.maximum(lift[may], 0.2)
-    integrating = zero / w
+    may &= (sharp == 0.0) | ((lift > 0.0) & (lift + np.arctan(sharp) < LIFT))
+    w, P, zero, sign, sharp = w[may], P[may], zero[may], sign[may], sharp[may]
+    integrating, lift = zero / w, lift[may]
+    lift = np.where(sharp > 0.0, lift, np.maximum(lift, 0.2))
     ratio = np.sqrt((1.0 + np.sin(lift)) / (1.0 - np.sin(lift)))
-    lead, fast = ratio / w, 1.0 / (w * ratio)
-    shape = (1.0 - 1j / zero) * (1.0 + 1j * ratio) / (1.0 + 1j / ratio)
+    ahead = np.where(sharp > 0.0, np.tan(lift + np.arctan(sharp)), ratio)
+    behind = np.where(sharp > 0.0, sharp, 1.0 / ratio)
+    lead, fast = ahead / w, behind / w
+    shape = (1.0 - 1j / zero) * (1.0 + 1j * ahead) / (1.0 + 1j * behind)
     gain = sign / np.abs(P * shape)
     # (1 + 1 / Ti s) (1 + Td s) / (1 + Tf s) as a sum of its three parts.
     kp = gain * (integrating + lead - fast) / integrating

@@ -151,7 +151,7 @@ def value_instead(
 
     Both signatures are taken beside those of all else that is refitted, and where they are one the
     value is refitted in place of the effect. Only what enters the equations where the effect acts
-    is looked at.
+    is looked at; where that is a sensor, a wrong gain may be that of anything it reads.
 
     Args:
         size: Name of the size of the effect, which is one of those that were refitted.
@@ -211,8 +211,13 @@ def _in_place(
 
 
 def _entering(model: Model, effect: Effect) -> list[Parameter]:
-    """Return the parameters of a plant that enter what an effect acts on, or what that moves."""
+    """Return the parameters of a plant that enter what an effect acts on, or what that moves.
+
+    What a sensor reads is moved by all of them.
+    """
     t, names = model.exact, [port.name for port in model.ports]
+    if all(port.endswith(".reading") for port in effect.ports):
+        return [q for q in model.parameters if "." not in q.name]
     at = [names.index(port) for port in effect.ports]
     places = [t.signals[t.signal_names.index(names[i])] for i in at]
     entered = ca.vertcat(*(t.rates_by_port[:, i] for i in at), *places)
