@@ -72,6 +72,16 @@ def test_an_event_comes_at_its_own_time_in_each_recording(
 
 
 @pytest.mark.long
+def test_an_event_of_the_fitted_recording_alone_is_as_large_as_it_was_there() -> None:
+    found = _pushed("offset_jump sensor_jump offset", (5.0, 99.0, 99.0)).verdict
+    (finding,) = found.findings
+    assert finding.effect == "offset_jump_mass_force"
+    assert finding.belief == "likely"
+    assert finding.occurrence is not None
+    assert finding.occurrence.largest == approx(9.0, rel=0.05)
+
+
+@pytest.mark.long
 def test_what_acts_for_a_while_is_told_with_its_ends() -> None:
     laws = "offset_pulse offset_jump sensor_jump offset"
     found = _pushed(laws, (5.0, 8.2, 2.0), lasting=(1.6, 2.4, 0.7))

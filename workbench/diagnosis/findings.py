@@ -61,7 +61,8 @@ def named(
     beside = ""
     if other := entry.effect.about.tells:
         q = model.parameter(f"{entry.name}.{other}")
-        beside = f", {other} {model.size_text(q.value, q.unit, entry.effect.places, 3)}"
+        shown = model.size_text(q.value, q.unit, entry.effect.places, 3)
+        beside = f", {other.replace('_', ' ')} {shown}"
     instead = _instead_of(diagnosis, entry)
     text = (
         f"{'Likely missing' if doubts else 'Missing'}:"

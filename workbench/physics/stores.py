@@ -361,6 +361,7 @@ orifice_outflow = Law(
     ),
     lambda at: at.value - at.p.sense * at.p.coefficient * _rooted(at),
     source="E. Torricelli 1643",
+    tells="level_scale",
     look_alikes=("linear_outflow", "saturating_outflow", "overflow", "offset"),
     separated_by="let the store run empty: the level falls along a parabola, not an exponential",
 )
@@ -394,6 +395,7 @@ constant_power_outflow = Law(
     - at.p.sense * at.p.coefficient * at.p.level_scale * at.signals.level
     / (at.signals.level**2 + (0.03 * at.p.level_scale) ** 2),
     source="A. Emadi et al., IEEE Trans. Vehicular Technology 55 (2006) 1112: constant power loads",
+    tells="level_scale",
     look_alikes=("linear_outflow", "saturating_outflow", "offset"),
     separated_by="two levels of the store: what flows out grows where it falls",
 )  # fmt: skip

@@ -89,6 +89,39 @@ def test_layers_that_nobody_reads_start_as_the_plant_says_where_few_samples_misl
     assert max(run.rmse.values()) < 0.12
 
 
+def test_a_pipe_is_as_cold_as_what_flows_out_of_it_later_shows() -> None:
+    cells = [f"cell_{i}" for i in range(6)]
+    pipe = machine(
+        lambda m: (
+            {
+                own: m.u.flow / (m.p.mass / 6.0) * (before - m.x[own])
+                for before, own in zip(
+                    [m.u.entering, *(m.x[n] for n in cells)], cells, strict=False
+                )
+            },
+            {"leaving": m.x.cell_5},
+        ),
+        ", ".join(f"{name} K 353 scale=20" for name in cells),
+        "entering K 273 400, flow kg/s 0 150",
+        "leaving K 0.1 scale=20",
+        "mass kg 225e3 1e5 4e5",
+    )
+
+    def rates(_: float, T: Any, entering: float, flow: float) -> Any:
+        return flow / (225e3 / 6.0) * (np.append(entering, T[:-1]) - T)
+
+    rng = np.random.default_rng(2)
+    entering = np.repeat(rng.uniform(338.0, 368.0, 7), 90)[:600]
+    flow = np.repeat(rng.uniform(30.0, 65.0, 5), 130)[:600]
+    T = held(rates, np.full(6, 338.0), (entering, flow), 60.0)
+    read = {"leaving [K]": T[:, 5] + rng.normal(0.0, 0.1, 600)}
+    seen = recording("pipe", 60.0, {"entering [K]": entering, "flow [kg/s]": flow}, read)
+    begun = settled(pipe, pipe, observe(pipe, seen))
+    # A fortieth is 15 samples; what stood at the entrance leaves after 80.
+    assert begun.start == pytest.approx(np.full(6, 338.0), abs=1.5)
+    assert free_run(pipe, begun).rmse["leaving"] < 0.11
+
+
 def test_a_start_that_is_known_stays() -> None:
     tanks = cascaded_tanks()
     seen = simulated(tanks, np.full(60, 3.0), sample_time=4.0)

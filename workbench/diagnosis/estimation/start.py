@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.arrays import Vector
+from workbench.arrays import Matrix, Vector
 from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
@@ -179,19 +179,9 @@ def fitted_start(model: Model, observed: Observed, *, samples: int) -> Observed:
     Returns:
         The recording with the estimated start; its uncertainty stays.
     """
-    count = round(check_range("samples", samples, 2, len(observed.outputs)))
     if not observed.start.size:
         return observed
-    first = observed.part(slice(count))
-    own = model.states[: len(observed.start)]
-    low, high = np.array([(q.lower, q.upper) for q in own]).T
-    rms = np.maximum(observed.start_rms, [1e-12 * q.scale for q in own])
-
-    def misfit(x: Vector) -> Vector:
-        run = free_run(model, replace(first, start=x))
-        error = np.nan_to_num(run.error / observed.noise_rms, nan=0.0 if run.finite else 1e6)
-        return np.concatenate([error.ravel(), (observed.start - x) / rms])
-
+    misfit, rms, (low, high) = _misfit(model, observed, samples)
     x, damping = observed.start.astype(float), 1e-3
     e = misfit(x)
     for _ in range(_ITERATIONS):
@@ -211,3 +201,40 @@ def fitted_start(model: Model, observed: Observed, *, samples: int) -> Observed:
         if gained < 1e-3:
             break
     return replace(observed, start=x)
+
+
+def moved_starts(model: Model, fitted: Observed, *, samples: int) -> list[Observed]:
+    """Return a recording with starts that are a deviation off what met its first samples.
+
+    Each is off along another axis of what is not known of it.
+
+    Args:
+        fitted: The recording with the start that `fitted_start` found.
+        samples: Number of samples that it met.
+    """
+    misfit, rms, (_, high) = _misfit(model, fitted, samples)
+    x = fitted.start.astype(float)
+    jacobian = slopes_within(misfit, x, misfit(x), 1e-3 * rms, high)
+    # J^T J is the inverse of the covariance.
+    _, size, axes = np.linalg.svd(jacobian * rms, full_matrices=False)
+    return [
+        replace(fitted, start=x + rms * axis / max(1e-12, length))
+        for axis, length in zip(axes, size, strict=True)
+    ]
+
+
+def _misfit(
+    model: Model, observed: Observed, samples: int
+) -> tuple[Callable[[Vector], Vector], Vector, Matrix]:
+    """Return the misfit of a start, what is known of it, and its limits, lower ones first."""
+    count = round(check_range("samples", samples, 2, len(observed.outputs)))
+    first = observed.part(slice(count))
+    own = model.states[: len(observed.start)]
+    rms = np.maximum(observed.start_rms, [1e-12 * q.scale for q in own])
+
+    def misfit(x: Vector) -> Vector:
+        run = free_run(model, replace(first, start=x))
+        error = np.nan_to_num(run.error / observed.noise_rms, nan=0.0 if run.finite else 1e6)
+        return np.concatenate([error.ravel(), (observed.start - x) / rms])
+
+    return misfit, rms, np.array([(q.lower, q.upper) for q in own]).T

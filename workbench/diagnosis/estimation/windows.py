@@ -15,15 +15,19 @@ from workbench.diagnosis.estimation.error_growth import GROWN
 from workbench.diagnosis.estimation.free_run import FreeRun, as_recorded, free_runs, run_along
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.process_noise import extended_start
-from workbench.diagnosis.estimation.start import fitted_start
+from workbench.diagnosis.estimation.start import fitted_start, moved_starts
 from workbench.errors import NumericalError
 from workbench.model import Model
 
 MILD = 0.3
 """Process-noise scale of a little trust in the equations, dimensionless."""
 
-_START_SHARE, _START_SAMPLES = 1 / 40, 10
-"""Part of a recording, and least number of samples, that tell where its hidden states start."""
+_START_SHARE, _MOST_SHARE, _START_SAMPLES = 1 / 40, 1 / 4, 10
+"""Usual and largest part of a recording, and least number of samples, that tell where its hidden
+states start."""
+
+_START_PART = 0.1
+"""Part of the error's square that a deviation of an unknown start has to make."""
 
 _COUNT = 20
 _LEAST_SAMPLES, _LEAST_UNSTABLE = 25, 5
@@ -31,21 +35,35 @@ _LEAST_SAMPLES, _LEAST_UNSTABLE = 25, 5
 
 
 def settled(model: Model, nominal: Model, observed: Observed) -> Observed:
-    """Return a recording with a start fitted to its first fortieth.
+    """Return a recording with a start fitted to its first fortieth, or to as much as it shows in.
 
-    Which is too short for slow hidden states: from there on they may lead the whole run farther
-    away than the start as it was, which is returned then.
+    A fortieth is too short for slow hidden states, such as the cells of a pipe: from there on they
+    may lead the whole run farther away than the start as it was. Where what is not known of the
+    start could be a part of the run's error, it is fitted to as many samples as that shows in. Of
+    what was tried the start is returned whose run comes closest.
     """
     begun = extended_start(observed, nominal, model)
-    wanted = max(_START_SAMPLES, round(_START_SHARE * len(begun.outputs)))
-    fitted = fitted_start(model, begun, samples=min(window_samples(observed), wanted))
-    if observed.growth > 0.0:
+    count = len(begun.outputs)
+    samples = min(window_samples(observed), max(_START_SAMPLES, round(_START_SHARE * count)))
+    fitted = fitted_start(model, begun, samples=samples)
+    if observed.growth > 0.0 or not begun.start.size:
         return fitted
-    runs = free_runs(model, [begun, fitted])
-    away = [
-        np.nansum((run.error / observed.noise_rms) ** 2) if run.finite else np.inf for run in runs
-    ]
-    return begun if away[0] < away[1] else fitted
+    tried = [begun, fitted]
+    runs = free_runs(model, [*tried, *moved_starts(model, fitted, samples=samples)])
+    away = [_away(run, observed) for run in runs[:2]]
+    off = [(run.simulated - runs[1].simulated) / observed.noise_rms for run in runs[2:]]
+    moved = np.sum(np.square(off), axis=0)
+    if np.sum(moved) > _START_PART * min(away):
+        shows = int(np.flatnonzero(np.append(True, (moved > 1.0).any(axis=1)))[-1])
+        if (most := min(shows, round(_MOST_SHARE * count))) > samples:
+            tried.append(fitted_start(model, begun, samples=most))
+            away += [_away(run, observed) for run in free_runs(model, tried[2:])]
+    return tried[int(np.argmin(away))]
+
+
+def _away(run: FreeRun, observed: Observed) -> float:
+    """Return the sum of squares of a run's error over the noise."""
+    return float(np.nansum((run.error / observed.noise_rms) ** 2)) if run.finite else math.inf
 
 
 def window_samples(observed: Observed) -> int:

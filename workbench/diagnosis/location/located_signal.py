@@ -29,6 +29,9 @@ from workbench.model.model import index_of
 from workbench.model.quantities import declared_unit
 from workbench.model.units import per
 
+_NOTHING = 1e-6
+"""What acts by less, over what is not known of the signal, does not act."""
+
 
 def missing_signals(diagnosis: Diagnosis) -> tuple[tuple[tuple[MissingSignal, ...], ...], str]:
     """Estimate the signal that each finding adds, or that nothing was found for.
@@ -111,7 +114,8 @@ def located_signal(
     model lacks.
 
     Args:
-        recordings: Recordings with a start for the nominal model.
+        recordings: Recordings with a start for the nominal model; those that were fitted instead
+            where what was found does not act in them.
         index: Which of the effects that were found is taken out.
 
     Returns:
@@ -138,6 +142,10 @@ def located_signal(
                 for seen, part in zip(again, parts, strict=True)
             ]
         )
+    fitted, unsure = diagnosis.prepared.fitting, _joined(parts, "std")
+    if laws is not None and recordings is not fitted and np.all(abs(laws) < _NOTHING * unsure):
+        # An event that these recordings do not hold.
+        return located_signal(diagnosis, fitted, ports, index=index)
     arguments = _arguments(model, parts)
     found = []
     for i, name in enumerate(ports):
