@@ -12,7 +12,7 @@ from workbench.diagnosis.estimation.fixed_parameters import value_instead
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.refit_result import Estimate
 from workbench.diagnosis.selection.held_out import explained
-from workbench.diagnosis.selection.moments import levels, moments
+from workbench.diagnosis.selection.moments import acts_in, levels, moments
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Value
 from workbench.model import Effect, Model
@@ -165,10 +165,12 @@ def _by_chance(held_out: tuple[float, float, float]) -> float:
 def _instead(diagnosis: Diagnosis, name: str) -> list[str]:
     """Return the effects with which, instead of one, a set of all others has a weight."""
     beside = {a.candidate.name for a in diagnosis.accepted} - {name}
+    taken_back = {c.name for c, _ in diagnosis.withdrawn} - {name} - beside
     found = []
     for effects, weight in diagnosis.weights:
-        other = set(effects) - beside
-        if weight >= _LEAST_ALIKE and len(other) == 1 and len(effects) == len(beside) + 1:
+        left = set(effects) - taken_back
+        other = left - beside
+        if weight >= _LEAST_ALIKE and len(other) == 1 and len(left) == len(beside) + 1:
             found += [n for n in other if n != name]
     return found
 
@@ -191,7 +193,7 @@ def _since(diagnosis: Diagnosis, effect: Effect) -> str:
     for seen in recordings:
         begin, end = moments(model, effect, seen.name)
         last = seen.sample_time * (len(seen.outputs) - 2)
-        if begin > last or end < 2.0 * seen.sample_time:
+        if not acts_in(model, effect, seen):
             said.append(f"not in {seen.name}")
         elif end < last:
             ends, unit = in_times([max(begin, 0.0), end])

@@ -21,6 +21,7 @@ from workbench.diagnosis.location.missing_signal import (
     occurrence,
 )
 from workbench.diagnosis.location.unknown_input import UnknownInput, unknown_input
+from workbench.diagnosis.selection.moments import acts_in
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import AWAY
 from workbench.errors import NumericalError
@@ -29,15 +30,13 @@ from workbench.model.model import index_of
 from workbench.model.quantities import declared_unit
 from workbench.model.units import per
 
-_NOTHING = 1e-6
-"""What acts by less, over what is not known of the signal, does not act."""
-
 
 def missing_signals(diagnosis: Diagnosis) -> tuple[tuple[tuple[MissingSignal, ...], ...], str]:
     """Estimate the signal that each finding adds, or that nothing was found for.
 
-    What was found is judged on the held-out recordings; what nothing was found for may act in any
-    recording. Where no port was located, the signal is the error of the filter's predictions.
+    What was found is judged on the held-out recordings, or on the fitted ones where an event comes
+    to none of these; what nothing was found for may act in any recording. Where no port was
+    located, the signal is the error of the filter's predictions.
 
     Returns:
         Signals by finding, those of the located group where nothing was found, nothing where
@@ -56,7 +55,8 @@ def missing_signals(diagnosis: Diagnosis) -> tuple[tuple[tuple[MissingSignal, ..
     found, why = [], ""
     for index, ports in enumerate(places):
         try:
-            found.append(located_signal(diagnosis, recordings, ports, index=index) if ports else ())
+            held = _that_hold(diagnosis, index) or recordings
+            found.append(located_signal(diagnosis, held, ports, index=index) if ports else ())
         except Exception as error:  # noqa: BLE001
             # When and where it acts, if that cannot be told, must not cost the verdict.
             found.append(())
@@ -67,6 +67,19 @@ def missing_signals(diagnosis: Diagnosis) -> tuple[tuple[tuple[MissingSignal, ..
         except Exception as error:  # noqa: BLE001
             why = why or str(error)
     return tuple(found), why
+
+
+def _that_hold(diagnosis: Diagnosis, index: int) -> Sequence[Observed]:
+    """Return the fitted recordings that hold an event of which the others hold nothing."""
+    if not diagnosis.accepted:
+        return ()
+    model, prepared = diagnosis.extended.model, diagnosis.prepared
+    effect = model.effect(diagnosis.accepted[index][0].name)
+    if not effect.about.moment or effect.about.period:
+        return ()
+    if any(acts_in(model, effect, seen) for seen in prepared.judging):
+        return ()
+    return [seen for seen in prepared.fitting if acts_in(model, effect, seen)]
 
 
 def prediction_error_signal(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> MissingSignal:
@@ -114,8 +127,7 @@ def located_signal(
     model lacks.
 
     Args:
-        recordings: Recordings with a start for the nominal model; those that were fitted instead
-            where what was found does not act in them.
+        recordings: Recordings with a start for the nominal model.
         index: Which of the effects that were found is taken out.
 
     Returns:
@@ -142,10 +154,6 @@ def located_signal(
                 for seen, part in zip(again, parts, strict=True)
             ]
         )
-    fitted, unsure = diagnosis.prepared.fitting, _joined(parts, "std")
-    if laws is not None and recordings is not fitted and np.all(abs(laws) < _NOTHING * unsure):
-        # An event that these recordings do not hold.
-        return located_signal(diagnosis, fitted, ports, index=index)
     arguments = _arguments(model, parts)
     found = []
     for i, name in enumerate(ports):

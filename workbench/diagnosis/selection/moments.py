@@ -449,6 +449,12 @@ def levels(model: Model, effect: Effect) -> dict[str, float]:
     return {name: subject + size * start for name, start in own.start_in}
 
 
+def acts_in(model: Model, effect: Effect, seen: Observed) -> bool:
+    """Tell whether an event that comes once comes to a recording."""
+    begin, end = moments(model, effect, seen.name)
+    return begin <= seen.sample_time * (len(seen.outputs) - 2) and end >= 2.0 * seen.sample_time
+
+
 def moments(model: Model, effect: Effect, recording: str) -> tuple[float, float]:
     """Return when an event begins and ends in a recording, in s; it never ends at infinity."""
     starts = [dict(q.start_in).get(recording, q.initial) for q in _clocks(effect)]
