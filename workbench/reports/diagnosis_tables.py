@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -18,6 +19,7 @@ from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Verdict
 from workbench.model import Model
 from workbench.model.units import readably, written_unit
+from workbench.physics.parameter_laws import along_curve
 from workbench.recordings.checks.check import CHECKS, USUAL_FIX
 from workbench.reports.figures.diagnosis import titled
 from workbench.reports.tables import Cell, Table, interval, number, plain, plus_minus
@@ -57,6 +59,12 @@ def parameters_table(diagnosis: Diagnosis) -> Table:
     """
     before = {e.name: e for e in diagnosis.refitted.refit.as_read}
     after = {e.name: e for e in diagnosis.extended.refit.as_read} if diagnosis.improved else {}
+    for candidate, _ in diagnosis.accepted if after else ():
+        effect = diagnosis.extended.model.effect(candidate.name)
+        # What is a curve now stands with its value in the middle of what was seen.
+        for value in [*along_curve(diagnosis.extended.model, effect).values()][1:2]:
+            if subject := after.get(effect.about.subject):
+                after[subject.name] = replace(subject, value=value)
     wrong = diagnosis.verdict.kind == "parameter"
     added = [n for n in after if n not in before]
     names = [*added, *before] if diagnosis.accepted else [*before, *added]
