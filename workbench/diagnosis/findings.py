@@ -44,7 +44,7 @@ def named(
     members = (entry, *(tried[name] for name in alike[1:] if name in tried))
     # What each of them is told by; why it is, stands behind a colon.
     texts = (q.effect.about.separated_by.partition(":")[0] for q in members)
-    deciding = dict.fromkeys(text for text in texts if text)
+    deciding = [] if _one(diagnosis, entry.name) else list(dict.fromkeys(filter(None, texts)))
     # What was found is doubted alone, and together with all else.
     doubts = (
         *candidate.doubts,
@@ -160,6 +160,13 @@ def _by_chance(held_out: tuple[float, float, float]) -> float:
     gain, low, _ = held_out
     deviation = max((gain - low) / 2.576, 1e-9)
     return 0.5 * math.erfc(gain / deviation / math.sqrt(2))
+
+
+def _one(diagnosis: Diagnosis, name: str) -> bool:
+    """Tell whether no input at all tells an effect from those that may stand for it."""
+    advice = diagnosis.validated.advice if diagnosis.validated else {}
+    sigma, said = advice.get("separation_sigma"), str(advice.get("sentence", ""))
+    return sigma is not None and sigma < 1.0 and f"tells {name.replace('_', ' ')} from" in said
 
 
 def _instead(diagnosis: Diagnosis, name: str) -> list[str]:
