@@ -94,5 +94,5 @@ def test_what_is_left_beside_the_noise_is_told(changed: dict[str, float], said: 
     report = run_refit(Problem("motor", "a motor", model, fit=runs[:1], hold_out=runs[1:]))
     known = {"spread": 100.0, "refitted": 1.0, "noise": 0.27} | changed
     told = replace(report, rows=(replace(report.rows[0], **known),))
-    assert str(told).count(said) == 1
+    assert str(told).count(said) == 1 and "refitted: with the parameters above" in str(told)
     assert told.reaches_floor == (said == "at the noise")

@@ -271,6 +271,12 @@ def test_runs_that_drift_off_are_told_whatever_a_filter_makes_of_the_equations(
         assert f"times the noise{told}" in left_out_too(replace(given, selected=state), fit)
 
 
+def test_errors_say_of_which_parameters_they_are() -> None:
+    lines = str(_verdict()).splitlines()
+    (head,) = (k for k, text in enumerate(lines) if "with parameters that run closest" in text)
+    assert "position in" in lines[head + 1]
+
+
 def test_numbers_that_are_not_finite_become_null() -> None:
     text = _verdict().to_json()
     assert "NaN" not in text and "Infinity" not in text

@@ -125,7 +125,7 @@ class RefitReport:
                 f"  {name}: {value:.5g}, published {published:.5g},"
                 f" {100 * (value / published - 1):+.2f} %, {sigmas:+.1f} standard deviations"
             )
-        lines += ["", "free run on held-out recordings, rms"]
+        lines += ["", "free run on held-out recordings, rms; refitted: with the parameters above"]
         lines.append(
             f"  {'recording':<28} {'output':<12} {'unit':<5} {'spread':>9} {'nominal':>9}"
             f" {'refitted':>9} {'limit':>9} {'noise':>9}"
