@@ -98,7 +98,7 @@ class RefitReport:
 
     @property
     def times_noise(self) -> float:
-        """The largest of the held-out errors over the noise; NaN where that is not known."""
+        """The largest held-out error over its noise, dimensionless; NaN where that is unknown."""
         return float(np.max([row.times_noise for row in self.rows] or [math.nan]))
 
     def differences(self) -> tuple[tuple[str, float, float, float], ...]:

@@ -649,6 +649,10 @@ def in_times(times: Sequence[float], digits: int = 3) -> tuple[list[str], str]:
 def in_range(values: Sequence[float], digits: int = 3) -> list[str]:
     """Write numbers that stand in one range; one so far below the largest that it is none is 0.
 
+    Args:
+        values: Numbers in one unit.
+        digits: Significant digits of each.
+
     Example:
         >>> in_range([-1.2e5, -40471.0, 0.0]), in_range([-0.00317, 5.63])
         (['-120000', '-40500', '0'], ['0', '5.63'])
