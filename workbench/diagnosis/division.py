@@ -65,11 +65,8 @@ def without_gaps(
         kept = [piece for piece in between if _of_use(model, piece)] if gaps else []
         found += kept or [recording]
         if kept:
-            rows = " and ".join(str(len(piece)) for piece in kept)
-            notes.append(
-                f"{recording.name} has {gaps}: each piece between them is a recording of its own"
-                f" ({rows} of {len(recording)} rows)"
-            )
+            each = " and ".join(f"{len(p)} rows from {p.time[0]:.6g} s on" for p in kept)
+            notes.append(f"{recording.name} has {gaps}: a recording of its own are {each}")
     return tuple(found), notes
 
 
