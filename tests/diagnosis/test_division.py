@@ -51,6 +51,12 @@ def test_each_piece_between_gaps_that_is_of_use_is_a_recording_of_its_own() -> N
     )
     again = with_some_held_out(AXIS, fits, [held])
     assert again == ((fits, (held,)), "")
+    # So too where the clock counts otherwise, or rows are repeated.
+    twice = np.sort([*np.flatnonzero(kept), 10])
+    late = whole.at_times(1.7e12 + 1e3 * whole.time).take(twice)
+    (others, _), told = with_some_held_out(AXIS, [late], [held])
+    assert [len(r) for r in others] == [300, 380, 175] and "380 rows from 3.2 s on" in told
+    assert with_some_held_out(AXIS, [whole.take(slice(0, 1))], [held])[1] == ""
 
 
 @pytest.mark.long

@@ -9,9 +9,11 @@ import numpy as np
 
 from workbench.errors import WorkbenchError
 from workbench.model import Model
+from workbench.model.units import in_time
 from workbench.recordings.checks.check import CHECKS
 from workbench.recordings.checks.expected import expectations
 from workbench.recordings.checks.gaps import pieces
+from workbench.recordings.checks.time_base import in_order
 from workbench.recordings.recording import Recording
 
 HELD_OUT = 0.4
@@ -61,12 +63,16 @@ def without_gaps(
     found: list[Recording] = []
     notes = []
     for recording in recordings:
-        between, gaps = pieces(recording) if recording.increasing else ((recording,), "")
+        ordered = in_order(recording)
+        between, gaps = pieces(ordered) if ordered.increasing else ((), "")
         kept = [piece for piece in between if _of_use(model, piece)] if gaps else []
         found += kept or [recording]
         if kept:
-            each = " and ".join(f"{len(p)} rows from {p.time[0]:.6g} s on" for p in kept)
-            notes.append(f"{recording.name} has {gaps}: a recording of its own are {each}")
+            starts = [in_time(piece.time[0] - ordered.time[0], 4) for piece in kept]
+            each = " and ".join(
+                f"{len(p)} rows from {start} on" for p, start in zip(kept, starts, strict=True)
+            )
+            notes.append(f"{recording.name} has {gaps}; taken as recordings of their own: {each}")
     return tuple(found), notes
 
 

@@ -21,10 +21,10 @@ from workbench.model.units import to_si
 from workbench.physics.library import every_name
 from workbench.recordings.case import Case, RefitSettings
 from workbench.recordings.checks.check import Finding
-from workbench.recordings.checks.expected import Expected, expectations
+from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.gaps import check_gaps
 from workbench.recordings.checks.loop import check_loop
-from workbench.recordings.checks.time_base import check_time_base, evened
+from workbench.recordings.checks.time_base import evened, in_order
 from workbench.recordings.checks.units import beyond_range
 from workbench.recordings.column_matching import driven_by
 from workbench.recordings.read import MappingLike, read_recording
@@ -131,7 +131,7 @@ def problem_of_files(
     model, given, fewer = averaged(model, given, _even)
     declared = model = _read_as_recorded(model, given)
     # Runs need even steps, where rows are missing too.
-    ordered = [_ordered(r) for r in given]
+    ordered = [in_order(r) for r in given]
     whole = [(check_gaps(r).recording if r.increasing else None) or r for r in ordered]
     model, notes = with_undeclared(model, whole)
     noisy = misread(model, whole)
@@ -171,17 +171,12 @@ def _loop(recording: Recording) -> Finding | None:
     return check_loop(recording, Expected()) if complete else None
 
 
-def _ordered(recording: Recording) -> Recording:
-    """Return a recording whose time increases, where its rows tell how: an export repeats some."""
-    return check_time_base(recording, expectations(recording)).recording or recording
-
-
 def _even(recording: Recording) -> Recording:
     """Return a recording with even steps, after the rows of its gaps, which are no uneven steps.
 
     One whose time does not increase stays as it is.
     """
-    ordered = _ordered(recording)
+    ordered = in_order(recording)
     if not ordered.increasing:
         return recording
     found = check_gaps(ordered)

@@ -69,6 +69,8 @@ def pieces(recording: Recording) -> tuple[tuple[Recording, ...], str]:
     begins anew.
     """
     time, usual = recording.time, recording.sample_time
+    if len(time) < MIN_SAMPLES:
+        return (recording,), ""
     wide = np.flatnonzero(np.diff(time) > max(gap_limit(time), (FILLED_ROWS + 1.5) * usual))
     if not wide.size:
         return (recording,), ""

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from workbench.arrays import Vector
 from workbench.model.units import in_time
 from workbench.recordings.checks.check import MIN_SAMPLES, Finding, check
-from workbench.recordings.checks.expected import Expected
+from workbench.recordings.checks.expected import Expected, expectations
 from workbench.recordings.recording import Recording
 from workbench.recordings.resampling import low_pass, resample
 
@@ -314,3 +314,8 @@ def check_time_base(recording: Recording, expected: Expected) -> Finding:
     )
     doubts = [text for text in (untold, problem) if text]
     return Finding("pass", "; ".join([note, *doubts]), values, doubt=bool(doubts))
+
+
+def in_order(recording: Recording) -> Recording:
+    """Return a recording whose time increases, where its rows tell how: an export repeats some."""
+    return check_time_base(recording, expectations(recording)).recording or recording
