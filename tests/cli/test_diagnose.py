@@ -8,6 +8,7 @@ import shlex
 import signal
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from workbench.cli.main import INTERRUPTED, main
 from workbench.diagnosis import diagnose as engine
 from workbench.diagnosis.selection import task
 from workbench.diagnosis.selection.selected import Scored
+from workbench.errors import WorkbenchError
 from workbench.physics.library import library
 
 
@@ -82,6 +84,21 @@ def test_diagnose_writes_verdict_page_and_pictures(
     options = ("--key", key, "--names", names, "--out", score)
     assert "right" in shell("evaluate blind", verdicts, *options).out
     assert json.loads(score.read_text())["points"] in (3, 6)
+
+
+def test_what_was_said_of_the_recordings_is_not_said_again(
+    axis_options: list[str], monkeypatch: pytest.MonkeyPatch, refused: Refused
+) -> None:
+    known = "no recording is held out (--hold-out), so run-2 is"
+
+    def stages(*_: Any, progress: Callable[[str], None], **__: Any) -> None:
+        progress(known)
+        progress("scoring")
+        raise WorkbenchError("enough")
+
+    monkeypatch.setattr(engine, "stages", stages)
+    said = refused("diagnose", *axis_options[:-2])
+    assert said.count(known) == 1 and "scoring" in said and "enough" in said
 
 
 @pytest.mark.usefixtures("few_effects")

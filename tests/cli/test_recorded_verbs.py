@@ -19,7 +19,7 @@ def test_refit_writes_a_page_with_the_estimates(tmp_path: Path, shell: Shell) ->
     case = make_case(5, [], 3.0, tmp_path / "rig", seconds=4.0)
     printed = shell("refit", case, "--out", tmp_path).out
     assert "valve_conductance" in printed
-    assert "at the noise floor" in printed
+    assert "at the noise" in printed
     results = json.loads((tmp_path / "results.json").read_text())
     assert results["reaches_noise_floor"] is True
     low, high = results["parameters"]["force_gain"]["interval"]

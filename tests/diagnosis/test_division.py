@@ -37,6 +37,28 @@ def test_the_last_of_several_is_held_out_and_of_one_its_last_part() -> None:
         with_some_held_out(AXIS, [], [a])
 
 
+def test_each_piece_between_gaps_that_is_of_use_is_a_recording_of_its_own() -> None:
+    whole, held = run("a", 900), run("b", 400)
+    kept = np.ones(900, dtype=bool)
+    # What is left between the last two of the gaps is too short.
+    kept[300:320] = kept[700:710] = kept[715:725] = False
+    (fits, _), said = with_some_held_out(AXIS, [whole.take(kept)], [held])
+    assert [r.name for r in fits] == ["a (1 of 4)", "a (2 of 4)", "a (4 of 4)"]
+    assert [len(r) for r in fits] == [300, 380, 175]
+    assert (
+        "a has 3 gap(s) too long to fill" in said
+        and "300 rows from 0 s on and 380 rows from 3.2 s on" in said
+    )
+    again = with_some_held_out(AXIS, fits, [held])
+    assert again == ((fits, (held,)), "")
+    # So too where the clock counts otherwise, or rows are repeated.
+    twice = np.sort([*np.flatnonzero(kept), 10])
+    late = whole.at_times(1.7e12 + 1e3 * whole.time).take(twice)
+    (others, _), told = with_some_held_out(AXIS, [late], [held])
+    assert [len(r) for r in others] == [300, 380, 175] and "380 rows from 3.2 s on" in told
+    assert with_some_held_out(AXIS, [whole.take(slice(0, 1))], [held])[1] == ""
+
+
 @pytest.mark.long
 def test_a_system_of_python_control_is_diagnosed_on_one_recording() -> None:
     time, rng = 0.02 * np.arange(1500), np.random.default_rng(1)

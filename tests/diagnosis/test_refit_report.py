@@ -80,11 +80,19 @@ def test_a_command_that_was_written_late_is_told(late: int, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("limited", "said"), [(0.9, "near the limit"), (1e5, "parameters too uncertain to tell")]
+    ("changed", "said"),
+    [
+        ({"limited": 0.9}, "3.7 times the noise, the limit 3.3 times"),
+        ({"limited": 1e5}, "parameters too uncertain to tell"),
+        ({"limited": 0.5, "refitted": 0.3}, "at the noise"),
+        ({"limited": 0.5, "noise": float("nan")}, "2 times the limit"),
+    ],
 )
-def test_a_limit_beyond_all_that_was_measured_says_nothing(limited: float, said: str) -> None:
+def test_what_is_left_beside_the_noise_is_told(changed: dict[str, float], said: str) -> None:
     runs = _driven(1, 0.0, angle=True), _driven(11, 60.0, angle=True)
     model, _ = with_undeclared(_motor(), runs)
     report = run_refit(Problem("motor", "a motor", model, fit=runs[:1], hold_out=runs[1:]))
-    row = replace(report.rows[0], spread=100.0, refitted=1.0, limited=limited, noise=0.1)
-    assert str(replace(report, rows=(row,))).count(said) == 1
+    known = {"spread": 100.0, "refitted": 1.0, "noise": 0.27} | changed
+    told = replace(report, rows=(replace(report.rows[0], **known),))
+    assert str(told).count(said) == 1 and "refitted: with the parameters above" in str(told)
+    assert told.reaches_floor == (said == "at the noise")

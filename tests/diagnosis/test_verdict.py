@@ -111,6 +111,10 @@ def test_a_parameter_that_is_a_curve_is_told_along_it() -> None:
     # What is never negative changes by factors, here of exp(0.1 / 0.3).
     assert told == "; mu is 0.419 at 18 km/h, 0.3 at 54 km/h, 0.215 at 90 km/h of speed"
     assert along(model, coulomb_friction("speed.rate")) == ""
+    # Its middle is where the wagon stands, but for a millimetre per second.
+    seen = library(wagon, RecordedFacts(ranges={"speed": (-25.0, 24.998)}))
+    (law,) = (h for h in seen if h.name == "parameter_curve_mu_over_speed")
+    assert " at 0 km/h, " in along(wagon.with_effect(law.at_size(0.1)), law.at_size(0.1))
 
 
 def test_a_curve_over_a_slip_is_told_with_both_its_ends() -> None:
@@ -269,6 +273,12 @@ def test_runs_that_drift_off_are_told_whatever_a_filter_makes_of_the_equations(
     for later, told in ((gained, "; the best candidate for it, coulomb"), (idle, ", and no law")):
         state = replace(given.selected, rounds=(gained, later))
         assert f"times the noise{told}" in left_out_too(replace(given, selected=state), fit)
+
+
+def test_errors_say_of_which_parameters_they_are() -> None:
+    lines = str(_verdict()).splitlines()
+    (head,) = (k for k, text in enumerate(lines) if "with parameters that run closest" in text)
+    assert "position in" in lines[head + 1]
 
 
 def test_numbers_that_are_not_finite_become_null() -> None:

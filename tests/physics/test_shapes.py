@@ -404,3 +404,12 @@ def test_what_passes_carries_neither_a_place_nor_a_speed() -> None:
     assert found == {"sensor_distance_warm_flow"}
     steady = RecordedFacts(ranges={"flow": (0.8, 0.9)})
     assert not [e for e in library(heater, steady) if e.law == "sensor_distance"]
+
+
+@pytest.mark.parametrize(
+    ("plant", "unit"), [(servo_axis, "rad/m"), (oscillator, "rad/m"), (arm, "1")]
+)
+def test_a_ripple_counts_radians_of_its_wave(plant: Callable[[], Model], unit: str) -> None:
+    (law,) = (h for h in library(plant()) if h.name == "ripple")
+    (frequency,) = (q for q in law.effect.parameters if q.name == "frequency")
+    assert frequency.unit == unit

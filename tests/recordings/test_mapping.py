@@ -138,6 +138,28 @@ def test_a_word_of_the_header_names_the_signal(read: Read) -> None:
     assert not recording.notes
 
 
+@pytest.mark.parametrize("unit", ["m3/s", "m", "g/l", "kV"])
+def test_what_has_no_unit_to_be_read_in_is_read_in_that_of_its_heading(
+    read: Read, unit: str
+) -> None:
+    recording = read(table("t [s]", f"s [{unit}]"))
+    assert recording.signal("s").display_unit == unit
+
+
+def test_a_name_of_one_or_two_letters_is_a_word_of_its_header(read: Read) -> None:
+    tower = plant("Qt m3/s", "z m, Q m3/s")
+    headers = ("t [s]", "Q_turb Qt [m3/s]", "Level Z [m]", "Tunnel Q [m3/s]")
+    recording = read(table(*headers), signals=driven_by(tower))
+    named = dict(zip(("time", "Qt", "z", "Q"), headers, strict=True))
+    assert {r.signal: r.column for r in recording.mapping} == named
+    other = ("Tunnel Q [m3/s]", "Spill Q [m3/s]", "Spill [m3/s]")
+    (note,) = read(table(*headers[:3], *other[::-1]), signals=driven_by(tower)).notes
+    assert 'signals.Q = "Spill Q [m3/s]"' in note
+    # Before other words it is a letter for what is measured.
+    (note,) = read(table(*headers[:3], "Q_1 [m3/s]", "Q_in [m3/s]"), signals=driven_by(tower)).notes
+    assert 'signals.Q = "..."' in note
+
+
 def test_the_last_word_of_a_topic_names_the_signal(read: Read) -> None:
     head = "__time,/axis/cmd/force,/axis/state/x [mm],/axis/state/n [U/min]"
     lines = [head, *(f"{k},{k % 7},{k},{60 * k}" for k in range(40))]

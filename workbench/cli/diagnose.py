@@ -158,8 +158,10 @@ class _Asked:
 
         def say(text: str) -> None:
             nonlocal step
-            step = text
-            tell(text)
+            # What was said of the recordings when they were read is not said again.
+            if text not in problem.notes:
+                step = text
+                tell(text)
 
         try:
             with telling(self.begin) as tell, until(left):

@@ -1,4 +1,4 @@
-"""Recordings to judge on where only some to fit on are given, and a recording in two parts."""
+"""Recordings to judge on where only some to fit on are given, and recordings in parts."""
 
 from __future__ import annotations
 
@@ -9,6 +9,11 @@ import numpy as np
 
 from workbench.errors import WorkbenchError
 from workbench.model import Model
+from workbench.model.units import in_time
+from workbench.recordings.checks.check import CHECKS
+from workbench.recordings.checks.expected import expectations
+from workbench.recordings.checks.gaps import pieces
+from workbench.recordings.checks.time_base import in_order
 from workbench.recordings.recording import Recording
 
 HELD_OUT = 0.4
@@ -38,12 +43,58 @@ def in_two(model: Model, recording: Recording) -> tuple[Recording, Recording]:
     return begun, rest
 
 
+def _of_use(model: Model, piece: Recording) -> bool:
+    """Tell whether a piece of a recording is long enough for a judgement, and shows a motion."""
+    inputs = [q.name for q in model.inputs if q.name in piece]
+    outputs = [q.name for q in model.outputs if q.name in piece]
+    driven = piece.with_roles(dict.fromkeys(inputs, "command"))
+    expected = expectations(driven, model=model, required=(*inputs, *outputs))
+    basic = (check for check in CHECKS.members().values() if check.foundation)
+    return all(check(driven, expected).result != "unfit" for check in basic)
+
+
+def without_gaps(
+    model: Model, recordings: Sequence[Recording]
+) -> tuple[tuple[Recording, ...], list[str]]:
+    """Return each piece between gaps too long to fill as a recording, and what is to be said.
+
+    A piece that is too short to judge a model by is left out; a recording of nothing else stays.
+    """
+    found: list[Recording] = []
+    notes = []
+    for recording in recordings:
+        ordered = in_order(recording)
+        between, gaps = pieces(ordered) if ordered.increasing else ((), "")
+        kept = [piece for piece in between if _of_use(model, piece)] if gaps else []
+        found += kept or [recording]
+        if kept:
+            starts = [in_time(piece.time[0] - ordered.time[0], 4) for piece in kept]
+            each = " and ".join(
+                f"{len(p)} rows from {start} on" for p, start in zip(kept, starts, strict=True)
+            )
+            notes.append(f"{recording.name} has {gaps}; taken as recordings of their own: {each}")
+    return tuple(found), notes
+
+
 def with_some_held_out(
     model: Model, fit_on: Sequence[Recording], hold_out: Sequence[Recording]
 ) -> tuple[Both, str]:
-    """Return recordings to fit on and to judge on, and what is to be said of that.
+    """Return recordings to fit on and to judge on, `without_gaps`, and what is to be said of that.
 
     Where none is held out, it is the last of several, or the last part of the only one.
+
+    Raises:
+        WorkbenchError: If there is none to fit on, or the only one is too short for two.
+    """
+    both, said = _divided(model, fit_on, hold_out)
+    (fits, cut), (held, also) = (without_gaps(model, given) for given in both)
+    return (fits, held), "; ".join(filter(None, [said, *cut, *also]))
+
+
+def _divided(
+    model: Model, fit_on: Sequence[Recording], hold_out: Sequence[Recording]
+) -> tuple[Both, str]:
+    """Divide recordings into some to fit on and some to judge on, as `with_some_held_out` does.
 
     Raises:
         WorkbenchError: If there is none to fit on, or the only one is too short for two.

@@ -17,7 +17,7 @@ from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Value
 from workbench.model import Effect, Model
 from workbench.model.quantities import declared_unit, shown_in
-from workbench.model.units import from_si, in_time, in_times, with_unit
+from workbench.model.units import from_si, in_range, in_time, in_times, with_unit
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.parameter_laws import along_curve
 
@@ -245,9 +245,10 @@ def along(model: Model, effect: Effect) -> str:
     unit = read or (shown_in(over) if over else unit)
     own = model.parameter(subject).unit
     told = (
-        f"{model.size_text(value, own, effect.places, 3)} at"
-        f" {with_unit(f'{from_si(at, unit):.3g}', unit)}"
-        for at, value in found.items()
+        f"{model.size_text(value, own, effect.places, 3)} at {with_unit(at, unit)}"
+        for at, value in zip(
+            in_range([from_si(at, unit) for at in found]), found.values(), strict=True
+        )
     )
     return f"; {subject} is {', '.join(told)} of {said}"
 

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from workbench.diagnosis.averaging import averaged
-from workbench.diagnosis.division import with_some_held_out
+from workbench.diagnosis.division import with_some_held_out, without_gaps
 from workbench.diagnosis.estimation.observe import observe, recorded_outputs
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.undeclared.inputs import misread, more_finely
@@ -21,10 +21,10 @@ from workbench.model.units import to_si
 from workbench.physics.library import every_name
 from workbench.recordings.case import Case, RefitSettings
 from workbench.recordings.checks.check import Finding
-from workbench.recordings.checks.expected import Expected, expectations
+from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.gaps import check_gaps
 from workbench.recordings.checks.loop import check_loop
-from workbench.recordings.checks.time_base import check_time_base, evened
+from workbench.recordings.checks.time_base import evened, in_order
 from workbench.recordings.checks.units import beyond_range
 from workbench.recordings.column_matching import driven_by
 from workbench.recordings.read import MappingLike, read_recording
@@ -77,12 +77,15 @@ def problem_of_case(case: Case, model: Model | None = None) -> Problem:
     Raises:
         WorkbenchError: If the case does not give what its plant needs.
     """
+    model = case.model() if model is None else model
+    fit, cut = without_gaps(model, tuple(case.fit.values()))
+    held, also = without_gaps(model, tuple(case.hold_out.values()))
     return Problem(
         name=case.name,
         title=case.title or f"{case.plant.name}, case {case.name}",
-        model=case.model() if model is None else model,
-        fit=tuple(case.fit.values()),
-        hold_out=tuple(case.hold_out.values()),
+        model=model,
+        fit=fit,
+        hold_out=held,
         in_loop=tuple(
             (case.loops[name].model() if name in case.loops else case.model(), recording)
             for name, recording in case.used("in_loop").items()
@@ -90,7 +93,7 @@ def problem_of_case(case: Case, model: Model | None = None) -> Problem:
         refit=case.refit,
         published=case.published,
         published_from=case.published_from,
-        notes=case.remarks,
+        notes=(*case.remarks, *cut, *also),
     )
 
 
@@ -117,14 +120,18 @@ def problem_of_files(
             dict.fromkeys([n for n in inputs if n in recording], "command")
         )
     given = list(read.values())
-    if any(a is not b for a, b in zip(at_one_pace(given), given, strict=True)):
+    paces_differ = any(a is not b for a, b in zip(at_one_pace(given), given, strict=True))
+    (fits, held), divided = with_some_held_out(
+        model, [read[path] for path in fit], [read[path] for path in hold_out]
+    )
+    given = [*fits, *held]
+    if paces_differ:
         # Of clocks that are uneven alone the paces show without that, and without their gaps.
         given = at_one_pace([_even(r) for r in given])
     model, given, fewer = averaged(model, given, _even)
-    read = dict(zip(read, given, strict=True))
     declared = model = _read_as_recorded(model, given)
     # Runs need even steps, where rows are missing too.
-    ordered = [_ordered(r) for r in read.values()]
+    ordered = [in_order(r) for r in given]
     whole = [(check_gaps(r).recording if r.increasing else None) or r for r in ordered]
     model, notes = with_undeclared(model, whole)
     noisy = misread(model, whole)
@@ -133,20 +140,17 @@ def problem_of_files(
         model, again = with_undeclared(declared, whole, noisy.outputs)
         notes = (*noisy.notes, *again)
     # Within a step, too, what goes straight pushes a plant otherwise than its mean does.
-    finer = more_finely(model, list(read.values()))
+    finer = more_finely(model, given)
     if finer:
-        read = dict(zip(read, finer, strict=True))
+        given = finer
         straight = replace(declared.traits, straight=model.traits.straight)
         model, again = with_undeclared(replace(declared, traits=straight), finer)
         notes = (*again, *(note for note in notes if note not in again and "straight" in note))
-    (fits, held), divided = with_some_held_out(
-        model, [read[path] for path in fit], [read[path] for path in hold_out]
-    )
     said = [text for text in (divided, fewer) if text]
-    said += [note for recording in read.values() for note in recording.notes]
-    said += _taken_as_si(declared, list(read.values()))
+    said += [note for recording in given for note in recording.notes]
+    said += _taken_as_si(declared, given)
     said += [f"{r.name}: {found.note}" for r in whole if (found := _loop(r)) and found.doubt]
-    for recording in read.values():
+    for recording in given:
         for q, taken in zip(declared.inputs, model.inputs, strict=True):
             clipped = (q.lower, q.upper) == (taken.lower, taken.upper)
             note = beyond_range(recording.signal(q.name), q.lower, q.upper, clipped=clipped)
@@ -155,8 +159,8 @@ def problem_of_files(
         name=", ".join(names[path] for path in fit),
         title=model.description or model.name,
         model=model,
-        fit=fits,
-        hold_out=held,
+        fit=tuple(given[: len(fits)]),
+        hold_out=tuple(given[len(fits) :]),
         notes=(*dict.fromkeys(said), *notes),
     )
 
@@ -167,17 +171,12 @@ def _loop(recording: Recording) -> Finding | None:
     return check_loop(recording, Expected()) if complete else None
 
 
-def _ordered(recording: Recording) -> Recording:
-    """Return a recording whose time increases, where its rows tell how: an export repeats some."""
-    return check_time_base(recording, expectations(recording)).recording or recording
-
-
 def _even(recording: Recording) -> Recording:
     """Return a recording with even steps, after the rows of its gaps, which are no uneven steps.
 
     One whose time does not increase stays as it is.
     """
-    ordered = _ordered(recording)
+    ordered = in_order(recording)
     if not ordered.increasing:
         return recording
     found = check_gaps(ordered)

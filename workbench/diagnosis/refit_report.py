@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -26,12 +27,12 @@ from workbench.model import Model
 from workbench.model.units import of_difference, parse_unit
 from workbench.recordings.case import RefitSettings
 
-FLOOR_FACTOR = 3.0
-"""A held-out error up to this many times the noise-limited one counts as reaching it: the latter is
-itself known from a few draws only."""
+AT_NOISE, NEAR_NOISE = 1.5, 3.0
+"""Times the noise below which a held-out error is at it, in whole numbers, and up to which it is so
+near that a right model may be the cause: dry friction stops some steps of a converter further."""
 
-DRIFT_FACTOR = 5.0
-"""An error beyond this many times the noise of the measurements is a drift."""
+_LIKELY = 2.0
+"""Times the root mean square of errors that one in twenty of them exceeds."""
 
 _DRAWS = 8
 
@@ -45,7 +46,7 @@ class HeldOut:
         nominal: Error with the nominal parameters, in ``unit``.
         refitted: Error with the refitted ones, in ``unit``.
         limited: Error that noise alone would leave: that of the measurements and what the
-            uncertainty of the parameters makes of it, in ``unit``.
+            uncertainty of the start and of the parameters makes of it, in ``unit``.
         noise: Noise of the measurements, in ``unit``.
     """
 
@@ -60,17 +61,13 @@ class HeldOut:
 
     @property
     def as_expected(self) -> bool:
-        """Whether the refitted error is what noise alone would leave."""
-        return self.refitted <= FLOOR_FACTOR * self.limited
+        """Whether the refitted error may be what noise alone would leave."""
+        return self.refitted <= _LIKELY * self.limited
 
     @property
-    def at_floor(self) -> bool:
-        """Whether, besides, it is near the noise of the measurements.
-
-        Where the parameters' uncertainty alone makes a free run drift far off, a small error
-        would prove nothing.
-        """
-        return self.as_expected and self.refitted <= DRIFT_FACTOR * self.noise
+    def times_noise(self) -> float:
+        """The refitted error over the noise of the measurements, dimensionless."""
+        return self.refitted / self.noise
 
 
 @dataclass(frozen=True)
@@ -93,13 +90,16 @@ class RefitReport:
 
     @property
     def reaches_floor(self) -> bool:
-        """Whether every held-out error is what noise alone would leave.
+        """Whether every held-out error is near the noise of the measurements.
 
-        A filter that had to take up much at the ports leaves the parameters so uncertain that any
-        error would do; then the floor is not reached either.
+        Where a filter had to take up much at the ports it is not: there the model lacks something.
         """
-        explained = self.refit.noise_scale <= IMPERFECT
-        return explained and bool(self.rows) and all(row.at_floor for row in self.rows)
+        return self.refit.noise_scale <= IMPERFECT and self.times_noise <= NEAR_NOISE
+
+    @property
+    def times_noise(self) -> float:
+        """The largest held-out error over its noise, dimensionless; NaN where that is unknown."""
+        return float(np.max([row.times_noise for row in self.rows] or [math.nan]))
 
     def differences(self) -> tuple[tuple[str, float, float, float], ...]:
         """Return estimates beside published values.
@@ -125,7 +125,7 @@ class RefitReport:
                 f"  {name}: {value:.5g}, published {published:.5g},"
                 f" {100 * (value / published - 1):+.2f} %, {sigmas:+.1f} standard deviations"
             )
-        lines += ["", "free run on held-out recordings, rms"]
+        lines += ["", "free run on held-out recordings, rms; refitted: with the parameters above"]
         lines.append(
             f"  {'recording':<28} {'output':<12} {'unit':<5} {'spread':>9} {'nominal':>9}"
             f" {'refitted':>9} {'limit':>9} {'noise':>9}"
@@ -194,7 +194,7 @@ def run_refit(problem: Problem, *, progress: Callable[[str], None] | None = None
             before = free_run(model, _started(how, model, as_nominal))
             started = _started(how, changed, observed)
             after = free_run(changed, started)
-            limited = noise_limited(own.refit, started)
+            limited = noise_limited(own.refit, started, how)
         nominal.append(before)
         refitted.append(after)
         for k, (name, row) in enumerate(zip(observed.used, observed.rows(model), strict=True)):
@@ -215,11 +215,12 @@ def run_refit(problem: Problem, *, progress: Callable[[str], None] | None = None
     return RefitReport(problem, found, tuple(nominal), tuple(refitted), tuple(rows), seconds, work)
 
 
-def noise_limited(found: Refit, observed: Observed) -> dict[str, float]:
+def noise_limited(found: Refit, observed: Observed, how: RefitSettings) -> dict[str, float]:
     """Return the free-run error that noise alone would leave.
 
-    The parameters are drawn from the distribution of their estimates and the model is run with
-    each; what these runs differ by adds to the noise of the measurements.
+    The parameters are drawn from the distribution of their estimates, and the model is run with
+    each from the start that it would have if the found ones were right; what these runs differ by
+    adds to the noise of the measurements.
 
     Returns:
         Root mean square error by output, in its SI unit.
@@ -227,9 +228,11 @@ def noise_limited(found: Refit, observed: Observed) -> dict[str, float]:
     rng = np.random.default_rng(0)
     centre = free_run(found.model, observed)
     squares = []
-    for _ in range(_DRAWS):
-        run = free_run(found.model.with_parameters(found.drawn(rng)), observed)
-        if run.finite and centre.finite:
+    for _ in range(_DRAWS if centre.finite else 0):
+        drawn = found.model.with_parameters(found.drawn(rng))
+        read = centre.simulated + observed.noise(rng) + 0.0 * observed.outputs
+        run = free_run(drawn, _started(how, drawn, replace(observed, outputs=read)))
+        if run.finite:
             squares.append(np.mean((run.simulated - centre.simulated) ** 2, axis=0))
     spread = np.mean(squares, axis=0) if squares else np.zeros(len(observed.used))
     total = np.sqrt(spread + observed.all_noise_rms**2)
@@ -241,11 +244,18 @@ def _plain(value: float) -> str:
 
 
 def _remark(row: HeldOut) -> str:
-    if row.at_floor:
-        return "  at the noise floor"
     if row.limited > row.spread:
         return "  parameters too uncertain to tell"
-    return "  near the limit" if row.as_expected else ""
+    if not math.isfinite(row.noise):
+        return f"  {_short(row.refitted / row.limited)} times the limit"
+    if row.times_noise < AT_NOISE:
+        return "  at the noise"
+    limit = row.limited / row.noise
+    return f"  {_short(row.times_noise)} times the noise, the limit {_short(limit)} times"
+
+
+def _short(value: float) -> str:
+    return f"{float(f'{value:.2g}'):.10g}"
 
 
 def _started(how: RefitSettings, model: Model, observed: Observed) -> Observed:

@@ -219,7 +219,8 @@ class Verdict(Shown):
             units = {n: shown.get(n, unit) for n, unit in self.units.items()}
             heads = {n: f"{n} in {written_unit(u)}" if u != "1" else n for n, u in units.items()}
             wide = max(20, *(2 + len(head) for head in heads.values()))
-            lines.append("  held-out rms " + "".join(f"{head:>{wide}}" for head in heads.values()))
+            lines.append("  held-out rms; refitted and extended: with parameters that run closest")
+            lines.append(f"{'':15}" + "".join(f"{head:>{wide}}" for head in heads.values()))
             lines += [
                 f"    {label:<11}"
                 + "".join(f"{self._told(errors, n, u):>{wide}}" for n, u in units.items())

@@ -646,6 +646,22 @@ def in_times(times: Sequence[float], digits: int = 3) -> tuple[list[str], str]:
     return [f"{float(f'{t / size:.{digits}g}'):.10g}" for t in times], unit
 
 
+def in_range(values: Sequence[float], digits: int = 3) -> list[str]:
+    """Write numbers that stand in one range; one so far below the largest that it is none is 0.
+
+    Args:
+        values: Numbers in one unit.
+        digits: Significant digits of each.
+
+    Example:
+        >>> in_range([-1.2e5, -40471.0, 0.0]), in_range([-0.00317, 5.63])
+        (['-120000', '-40500', '0'], ['0', '5.63'])
+    """
+    largest = max(map(abs, values), default=0.0)
+    kept, least = 10 if largest < 1e6 else digits, 10.0**-digits * largest
+    return ["0" if abs(v) <= least else f"{float(f'{v:.{digits}g}'):.{kept}g}" for v in values]
+
+
 SPEEDS = ("m/s", "rad/s")
 """Units of how fast a body moves."""
 

@@ -270,7 +270,7 @@ def _waves(
         lower = _LEAST_WAVE * 2.0 * math.pi / max(seen[1] - seen[0], 2.0 * math.pi)
         upper = 1e3 * max(frequencies)
     return (
-        shape("frequency", per("1", unit), usual, "ripples per unit of position, times 2 pi",
+        shape("frequency", per("rad", unit), usual, "ripples per unit of position, times 2 pi",
               around=(lower / usual, upper / usual), scale=0.1 * usual,
               strict=bool(seen) and turning),
         shape("phase", "1", 0.0, "phase at position zero", between=(-6.3, 6.3), source=""),

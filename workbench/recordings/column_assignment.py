@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
-from workbench.model.units import parse_unit, same_dimension, to_si
+from workbench.model.units import same_dimension, to_si
 from workbench.recordings.column_matching import (
     AMBIENT_PA,
     Requested,
@@ -253,8 +253,8 @@ def _signal(
     elif kind.name == "pressure" and reference == "gauge":
         name = "gauge pressure"
     role = cast("Role", rule.role or request.role or guess_role(rule.signal))
-    display = request.display_unit or (unit if unit and parse_unit(unit).factor != 1 else "")
-    signal = Signal(rule.signal, values, kind.unit, name, role, display)
+    shown = request.display_unit or unit
+    signal = Signal(rule.signal, values, kind.unit, name, role, shown)
     line = rule.sign, rule.factor, rule.offset, note
     return signal, MappedColumn(header.column, rule.signal, unit, kind.unit, how, *line)
 

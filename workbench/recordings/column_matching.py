@@ -215,21 +215,31 @@ def _parts(name: str) -> set[str]:
 
 
 def _partly(requested: Requested, header: Header) -> bool:
-    """Tell whether a header says a name, of three letters or more, among other words.
+    """Tell whether a header says a name among other words.
 
     Or begins to: ``rotor speed`` is ``n_rotor``, in which a letter says what is measured, and
-    ``generator speed`` is ``n_gen``.
+    ``generator speed`` is ``n_gen``. One or two letters must be a word as they are.
     """
     words = _parts(header.name)
     first, *rest = re.split(r"[\W_]+", requested.name)
     own = _parts("_".join(rest) if rest and first in _letters(requested.unit) else requested.name)
+    begun = all(w in words or (len(w) > 2 and any(v.startswith(w) for v in words)) for w in own)
     return (
-        len("".join(own)) > 2
-        and all(w in words or (len(w) > 2 and any(v.startswith(w) for v in words)) for w in own)
+        (begun if len("".join(own)) > 2 else _as_word(requested, header))
         and not words & _REFERENCES
         and bool(header.unit or requested.unit == "1")
         and _units_agree(requested, header)
     )
+
+
+def _as_word(requested: Requested, header: Header) -> bool:
+    """Tell whether a name is a word of a header, which is no letter for what it measures.
+
+    As ``Qt`` is of ``Q_turb Qt``, and ``Q`` is not.
+    """
+    first, *rest = re.split(r"[\W_]+", header.name.lower())
+    told = first in {letter.lower() for letter in _letters(header.unit)} and bool(rest)
+    return _words(requested.name) <= {*rest, *([] if told else [first])}
 
 
 def _shortened(requested: Requested, header: Header) -> bool:
@@ -430,10 +440,12 @@ def without_column(
     for signal in requested:
         left = [h.column for h in headers if _alike(h.unit, signal.unit)]
         if signal.optional and signal.name not in have and left:
+            named = [h.column for h in headers if h.column in left and _as_word(signal, h)]
+            right = (named or left)[0] if named or len(left) == 1 else "..."
             notes.append(
                 f"no column is called {signal.name}; of its unit "
                 f"{'is' if len(left) == 1 else 'are'} {', '.join(map(repr, left))}: name the right"
-                f' one in a mapping file, signals.{signal.name} = "{left[0]}", or'
+                f' one in a mapping file, signals.{signal.name} = "{right}", or'
                 f" {signal.name} is not compared"
             )
     return tuple(notes)

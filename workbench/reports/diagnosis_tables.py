@@ -46,8 +46,8 @@ def errors_table(errors: Sequence[ErrorRow], extended: bool) -> Table:
             **{label: partial(error, label) for label in labels},
             "sensor's noise": lambda row: number(row.noise),
         },
-        "Root mean square; nominal: before any fit; refitted: nominal equations, fitted"
-        " parameters" + ("; extended: with what was found." if extended else "."),
+        "Root mean square; nominal: before any fit; refitted: nominal equations, with the"
+        " parameters that run closest" + ("; extended: with what was found." if extended else "."),
     )
 
 

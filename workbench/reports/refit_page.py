@@ -7,7 +7,7 @@ import re
 
 from workbench.computing.counted import in_words
 from workbench.diagnosis.estimation.refit_result import Estimate
-from workbench.diagnosis.refit_report import RefitReport
+from workbench.diagnosis.refit_report import AT_NOISE, RefitReport
 from workbench.model.units import to_si
 from workbench.reports.figures.diagnosis import run_pictures
 from workbench.reports.figures.study_traces import written
@@ -139,18 +139,21 @@ def _errors(report: RefitReport) -> Table:
 
 
 def _verdict(report: RefitReport) -> str:
+    worst = report.times_noise
     if report.reaches_floor:
+        rest = "nothing" if worst < AT_NOISE else "little"
         return (
-            "The refitted model reaches the noise floor on every held-out recording: nothing in"
-            " them asks for further physics."
+            f"The refitted model is off by {worst:.2g} times the noise or less on every held-out"
+            f" recording: {rest} in them asks for further physics."
         )
     if all(row.as_expected for row in report.rows):
         return (
-            "The errors are those that the uncertainty of the parameters alone would leave; they"
-            " are too far above the noise of the measurements to say whether the model lacks "
-            "anything."
+            "The errors may be those that the uncertainty of start and parameters leaves; they are"
+            " too far above the noise of the measurements to say whether the model lacks"
+            " anything."
         )
+    times = f", at up to {worst:.2g} times" if math.isfinite(worst) else ""
     return (
-        "The refitted model stays above the noise floor on held-out recordings: the model lacks"
+        f"The refitted model stays above the noise on held-out recordings{times}: the model lacks"
         " something, or the recordings do not determine it well enough."
     )

@@ -67,8 +67,8 @@ def test_a_declared_unit_is_told_and_a_difference_has_no_zero() -> None:
         found = occurrence(port, unit, [("run", TIME)], signal, none, chosen, shown)
         assert found.places[0].unit == chosen[0][1] and found.as_data()["unit"] == unit
         told.append((found.where.partition("most at ")[2], found.how_large))
-    assert told[0][0].endswith("60 °C") and told[0][1] == "2e+03 K/s"
-    assert told[1][1] == "2e+03 K"
+    assert told[0][0].endswith("60 °C") and told[0][1] == "2000 K/s"
+    assert told[1][1] == "2000 K"
     assert told[2][0].endswith("kW") and told[2][1] == "2 kW"
 
 
@@ -76,6 +76,13 @@ def test_what_is_nothing_beside_the_largest_value_is_told_as_zero() -> None:
     place = Place("current", "A", 0.9, ((-5.0, -4.0), (3e-10, 4e-10)), 0.3)
     found = Occurrence("cell.voltage", "V", 0.1, 0.2, (), 0.3, (place,))
     assert found.where.endswith("most at -5 to -4 and 0 A")
+
+
+def test_numbers_of_one_range_have_as_many_digits() -> None:
+    place = Place("rate", "A/s", 0.9, ((-1.2e5, -40471.0), (44014.0, 87409.0)), 0.3)
+    found = Occurrence("i.rate", "A/s", 0.1, 30812.0, (), 0.3, (place,))
+    assert found.where.endswith("most at -120000 to -40500 and 44000 to 87400 A/s")
+    assert found.how_large == "30800 A/s"
 
 
 def test_an_effect_that_begins_at_a_time_is_told_from_then_on() -> None:

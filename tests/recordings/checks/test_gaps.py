@@ -45,18 +45,18 @@ def test_rows_that_are_lost_here_and_there_leave_the_others_where_they_are() -> 
     assert np.mean(found["u"] != level[at]) < 0.01
 
 
-def test_long_gap_keeps_the_longest_piece() -> None:
-    report = check_recording(TRIAL.take(without(300, 500)))
-    assert report.check("gaps").result == "corrected"
-    assert report.recording.time[0] == TRIAL.time[500]
-    assert "kept 1 to 3.998 s (1500 of 1800 rows)" in report.check("gaps").note
+def test_of_a_recording_with_long_gaps_the_longest_piece_is_looked_at() -> None:
+    report = check_recording(TRIAL.take(without(600, 700) & without(1300, 1400)))
+    found = report.check("gaps")
+    assert found.result == "corrected" and report.fit
+    assert report.recording.name == TRIAL.name and report.recording.time[0] == TRIAL.time[0]
+    assert "2 gap(s) too long to fill" in found.note
+    assert "0 to 1.198 s (600 of 1800 rows)" in found.note
 
 
-def test_gap_in_the_middle_is_unfit() -> None:
-    keep = without(600, 700) & without(1300, 1400)
-    report = check_recording(TRIAL.take(keep))
-    assert report.check("gaps").result == "unfit"
-    assert not report.fit
+def test_nothing_between_gaps_that_is_long_enough_is_unfit() -> None:
+    rows = np.arange(len(TRIAL)) % 100 < 10
+    assert check_recording(TRIAL.take(rows)).check("gaps").result == "unfit"
 
 
 def test_missing_cells() -> None:

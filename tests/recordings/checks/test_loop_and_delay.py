@@ -105,6 +105,19 @@ def test_delay(delay: int, gain: float) -> None:
     assert found.strength > 5.5
 
 
+def test_a_peak_far_behind_the_command_that_is_no_answer_is_no_delay() -> None:
+    rng = np.random.default_rng(0)
+    u, *noise = rng.normal(size=(3, 4000))
+    pushed = {"y m": 0.5 * np.roll(u, 1) + noise[0], "z m": 0.11 * np.roll(u, 150) + noise[1]}
+    read = {name: np.cumsum(push) for name, push in pushed.items()}
+    trial = recorded(0.001, {"u V": u}, read)
+    assert np.isfinite(estimate_delay(trial, "u", "z").onset)
+    report = check_recording(trial)
+    assert "no answer of z to u is seen" in report.check("response").note
+    assert "u shows in y" in report.check("delay").note
+    assert "in z" not in report.check("delay").note
+
+
 @pytest.mark.parametrize("n", [125, 150])
 def test_a_recording_that_is_shorter_than_the_longest_delay_has_one(n: int) -> None:
     rng = np.random.default_rng(0)

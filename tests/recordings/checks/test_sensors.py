@@ -243,8 +243,17 @@ def test_absolute_pressures_become_gauge() -> None:
     assert np.allclose(report.recording["pressure_1"], vented["pressure_1"])
 
 
+@pytest.mark.parametrize(("least", "told"), [(0.0, "falls to"), (1.2e5, "never below")])
+def test_pressures_are_told_in_the_unit_in_which_they_are_read(least: float, told: str) -> None:
+    wave = least + 0.8e5 * (1.0 + np.sin(0.01 * np.arange(1000.0)))
+    trial = recorded(0.01, {"pump V": np.sign(np.sin(0.003 * np.arange(1000.0)))}, {"p kPa": wave})
+    pressure = replace(trial.signal("p"), values=wave, kind="pressure", display_unit="kPa")
+    note = check_recording(trial.with_signal(pressure)).check("gauge pressure").note
+    assert note.startswith(told) and "kPa" in note and "bar" not in note, note
+
+
 @pytest.mark.parametrize("turned", [1.0, -1.0])
-def test_what_swings_both_ways_is_a_doubt_and_not_of_a_wrong_sign(turned: float) -> None:
+def test_what_swings_both_ways_is_neither_a_doubt_nor_a_wrong_sign(turned: float) -> None:
     # A stiff loop whose position has next to no noise: what is new in it alternates.
     rng, step = np.random.default_rng(0), 1e-3
     force = np.repeat(100.0 * rng.integers(0, 2, 24), 500)
@@ -255,7 +264,7 @@ def test_what_swings_both_ways_is_a_doubt_and_not_of_a_wrong_sign(turned: float)
     position += 0.01 * np.sin(2.0 * time) + 1e-9 * rng.normal(size=len(time))
     trial = recorded(time, {"force N": turned * force}, {"position m": position})
     check = check_recording(trial, model=servo_axis()).check("signs")
-    assert check.result == "not checked" and check.doubt and "both ways" in check.note, check
+    assert check.result == "not checked" and "both ways" in check.note and not check.doubt, check
 
 
 @pytest.mark.parametrize(("strength", "result"), [(-1.0, "unfit"), (-0.5, "unfit"), (-0.05, "not")])

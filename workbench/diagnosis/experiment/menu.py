@@ -17,7 +17,7 @@ from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Input, Model, Output
-from workbench.model.units import from_si, in_time, shown_unit, with_unit
+from workbench.model.units import from_si, in_range, in_time, shown_unit, with_unit
 from workbench.simulation import simulate
 from workbench.simulation.stepper import Stepper
 
@@ -195,7 +195,7 @@ class _Plan:
 
     def _between(self, q: Input | Output, low: float, high: float) -> str:
         """Say what moves between which ends, and how long."""
-        ends = [f"{from_si(x, q.display_unit):.3g}" for x in (low, high)]
+        ends = in_range([from_si(x, q.display_unit) for x in (low, high)])
         between = f"between {ends[0]} and {with_unit(ends[1], q.display_unit)}"
         return f"{q.name} {between}, for {in_time(self.duration)}"
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from workbench.arrays import Vector
 from workbench.diagnosis.location.periods import period_of
 from workbench.files import picked
-from workbench.model.units import in_time, in_times, readably, written_unit
+from workbench.model.units import in_range, in_time, in_times, readably, written_unit
 
 BINS = 24
 """Classes into which an argument is divided to see what depends on it."""
@@ -24,9 +24,6 @@ STRONG = 0.5
 
 THROUGHOUT = 0.7
 """Share of the time, or of the samples, from which a signal acts all the time, or everywhere."""
-
-_NOTHING = 1e-3
-"""Part of the largest value that is told, below which another one of a signal counts as zero."""
 
 _WINDOWS = 50
 _LEAST_KNOWN = 0.25
@@ -147,17 +144,18 @@ class Occurrence:
             return f"{said}, about as much at all its values"
         ranges = np.array(place.ranges)
         read, unit = readably(ranges, place.unit, place.shown, float(np.abs(ranges).max()))
-        least = _NOTHING * float(np.abs(read).max())
-        shown = [[_plainly(x if abs(x) > least else 0.0) for x in pair] for pair in read.tolist()]
+        shown = in_range(read.ravel().tolist())
         # Both ends of a narrow range may read the same.
-        ends = [" to ".join(dict.fromkeys(pair)) for pair in shown]
+        ends = [
+            " to ".join(dict.fromkeys(pair)) for pair in zip(shown[::2], shown[1::2], strict=True)
+        ]
         return f"{said}, most at {_listed(ends)} {written_unit(unit)}".rstrip()
 
     @property
     def how_large(self) -> str:
         """Its size, in words."""
         largest, unit = readably(self.largest, self.unit, self.shown, self.largest)
-        return f"{largest:.3g} {written_unit(unit)}".rstrip()
+        return f"{in_range([largest])[0]} {written_unit(unit)}".rstrip()
 
     def sentence(self, subject: str = "It") -> str:
         """Return it as a sentence about something."""
@@ -374,11 +372,6 @@ def _times(spans: Sequence[Span]) -> str:
     ends, unit = in_times([t for span in ordered for t in (span.begin, span.end)])
     pairs = zip(ends[::2], ends[1::2], strict=True)
     return f"{_listed([f'{begin} to {end}' for begin, end in pairs])} {unit}"
-
-
-def _plainly(number: float) -> str:
-    """Write a number with three digits, a large one without an exponent."""
-    return f"{number:.0f}" if 1e3 <= abs(number) < 1e5 else f"{number:.3g}"
 
 
 def _listed(parts: Sequence[str]) -> str:

@@ -19,6 +19,9 @@ USUAL_FIX = "correct the file, or record again"
 MAX_EXCLUDED = 0.2
 """Share of a signal that may be bridged before the recording is unfit to judge."""
 
+MIN_SAMPLES = 20
+"""Samples that a judgement needs at least."""
+
 
 @dataclass(frozen=True)
 class Finding:

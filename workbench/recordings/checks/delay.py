@@ -12,6 +12,7 @@ from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.innovations import MEMORY, correlation, surprises
 from workbench.recordings.checks.loop import check_loop
+from workbench.recordings.checks.response import answered, answers
 from workbench.recordings.recording import Recording
 
 _THRESHOLD = 4.5
@@ -89,14 +90,18 @@ def estimate_delay(
 
 @check("delay", 120)
 def check_delay(recording: Recording, expected: Expected) -> Finding:
-    """Estimate the delay from every command to every measured signal."""
+    """Estimate the delay from every command to every measured signal that is seen to answer.
+
+    The strongest of many lags may be chance.
+    """
     closed = check_loop(recording, expected).values["loop"] == "closed"
     delays = tuple(
         estimate_delay(recording, c, m, closed_loop=closed)
         for c in recording.moving(recording.commands)
         for m in recording.moving(recording.measurements)
     )
-    seen = [d for d in delays if np.isfinite(d.onset)]
+    shown = [d for d in delays if np.isfinite(d.onset)]
+    seen = [d for d in shown if answered(answers(recording, d.command, d.response))]
     if not seen:
         why = "the commands change too smoothly" if delays else "no command moves"
         return Finding("not checked", f"{why} to see a delay", {"delays": delays})

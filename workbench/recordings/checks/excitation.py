@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.model.units import in_range
 from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.noise import white_rms
@@ -65,9 +66,11 @@ def check_excitation(recording: Recording, expected: Expected) -> Finding:
     turns = {s.name: directions(s, recording.sample_time) for s in motions}
     notes = []
     for signal in moving:
-        low, high = signal.displayed([float(signal.values.min()), float(signal.values.max())])
+        low, high = in_range(
+            signal.displayed([signal.values.min(), signal.values.max()]).tolist(), 4
+        )
         unit = "" if signal.display_unit == "1" else f" {signal.display_unit}".rstrip()
-        text = f"{signal.name} {low:.4g} to {high:.4g}{unit}"
+        text = f"{signal.name} {low} to {high}{unit}"
         if signal.name in turns:
             t = turns[signal.name]
             text += (

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector, runs
 from workbench.model.units import in_time
-from workbench.recordings.checks.check import MAX_EXCLUDED, Finding, check
+from workbench.recordings.checks.check import MAX_EXCLUDED, MIN_SAMPLES, Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.noise import white_rms
 from workbench.recordings.recording import Recording
@@ -62,20 +62,25 @@ def _regular(steps: Vector) -> bool:
     return bool(high - low < 0.2 * usual or (low > 0.9 * usual and np.mean(lost < 0.1) > 0.95))
 
 
-def _longest_piece(recording: Recording) -> tuple[Recording, list[str]]:
-    time = recording.time
-    usual, limit = recording.sample_time, gap_limit(recording.time)
-    wide = np.flatnonzero(np.diff(time) > max(limit, (FILLED_ROWS + 1.5) * usual))
+def pieces(recording: Recording) -> tuple[tuple[Recording, ...], str]:
+    """Return what lies between gaps that are too long to fill, and what there is to say of them.
+
+    Nobody knows the command in such a gap, nor where it left the machine: what comes after it
+    begins anew.
+    """
+    time, usual = recording.time, recording.sample_time
+    if len(time) < MIN_SAMPLES:
+        return (recording,), ""
+    wide = np.flatnonzero(np.diff(time) > max(gap_limit(time), (FILLED_ROWS + 1.5) * usual))
     if not wide.size:
-        return recording, []
-    edges = [0, *(wide + 1), len(time)]
-    kept = recording.take(slice(*max(pairwise(edges), key=lambda ends: ends[1] - ends[0])))
+        return (recording,), ""
+    edges = [0, *(int(k) + 1 for k in wide), len(time)]
     worst = int(wide[np.argmax(np.diff(time)[wide])])
-    return kept, [
-        f"{wide.size} gap(s) too long to fill, the longest {time[worst + 1] - time[worst]:.4g} s "
-        f"after {time[worst]:.6g} s; kept {kept.time[0]:.6g} to {kept.time[-1]:.6g} s "
-        f"({len(kept)} of {len(time)} rows)"
-    ]
+    longest = f"{in_time(time[worst + 1] - time[worst], 4)} after {time[worst]:.6g} s"
+    return tuple(
+        replace(recording.take(slice(*ends)), name=f"{recording.name} ({k} of {len(edges) - 1})")
+        for k, ends in enumerate(pairwise(edges), start=1)
+    ), f"{wide.size} gap(s) too long to fill, the longest {longest}"
 
 
 def _on_change(values: Vector) -> bool:
@@ -172,14 +177,19 @@ def _missing_rows(recording: Recording) -> tuple[Recording, list[str]]:
 def check_gaps(recording: Recording, expected: Expected) -> Finding:
     """Check for missing rows and cells; fill short gaps and exclude them from judgement.
 
-    A gap of more than five rows splits the recording, because the command in it is unknown; the
-    longest piece is kept if it holds half of the rows.
+    A gap of more than five rows splits the recording (`pieces`); the longest piece is looked at.
     """
-    total = len(recording)
-    piece, notes = _longest_piece(recording)
-    if len(piece) < 0.5 * total:
-        return Finding("unfit", notes[0] + "; less than half is left, split the file")
-    piece, more = _missing_rows(piece)
+    total, notes = len(recording), []
+    between, gaps = pieces(recording)
+    kept = max(between, key=len)
+    if gaps:
+        notes = [
+            f"{gaps}; a fit takes each piece, this looks at the longest: {kept.time[0]:.6g} to"
+            f" {kept.time[-1]:.6g} s ({len(kept)} of {total} rows)"
+        ]
+    if gaps and len(kept) < MIN_SAMPLES:
+        return Finding("unfit", f"{notes[0]}, which needs {MIN_SAMPLES} rows or more")
+    piece, more = _missing_rows(replace(kept, name=recording.name))
     notes += more
     measured = np.any([np.isfinite(piece[m]) for m in piece.measurements], axis=0)
     messages: list[str] = []

@@ -87,6 +87,11 @@ def answers(recording: Recording, command: str, measurement: str) -> tuple[Answe
     return tuple(found)
 
 
+def answered(found: Sequence[Answer]) -> bool:
+    """Tell whether a measurement answers right after what is new in a command."""
+    return any(a.near >= _SEEN for a in found)
+
+
 def _means(recording: Recording, name: str, block: int) -> Vector:
     kept = recording[name][:MAX_SAMPLES]
     count = len(kept) // block
@@ -128,7 +133,7 @@ def check_response(recording: Recording, expected: Expected) -> Finding:
     measured = [m for m, v in seen.items() if np.ptp(v) > 20 * white_rms(v)]
     if not moving or not measured or len(recording) < 10 * MEMORY:
         return Finding("not checked", "no command or no measurement moves, or too short")
-    problems, doubts, answered, doubt = [], [], [], False
+    problems, doubts, seen_to, doubt = [], [], [], False
     values: dict[str, object] = {}
     for command in moving:
         every = {m: answers(recording, command, m) for m in measured}
@@ -136,8 +141,8 @@ def check_response(recording: Recording, expected: Expected) -> Finding:
         jumps = len(unknown) >= _ENOUGH and np.std(unknown) > _RICH * np.std(means)
         values |= {f"{command}->{m}": [a.near for a in found] for m, found in every.items()}
         for name, found in every.items():
-            if any(a.near >= _SEEN for a in found):
-                answered.append(f"{name} answers to {command}")
+            if answered(found):
+                seen_to.append(f"{name} answers to {command}")
                 continue
             sure = [a for a in found if a.strength >= _SURE and a.near < _NONE]
             early = next((a for a in sure if a.early), None)
@@ -169,6 +174,6 @@ def check_response(recording: Recording, expected: Expected) -> Finding:
             )
     if problems:
         return Finding("unfit", "; ".join(dict.fromkeys(problems)), values)
-    if not answered:
+    if not seen_to:
         return Finding("not checked", "; ".join(doubts), values)
-    return Finding("pass", "; ".join((*answered, *doubts)), values, doubt=doubt)
+    return Finding("pass", "; ".join((*seen_to, *doubts)), values, doubt=doubt)

@@ -147,18 +147,18 @@ def check_signs(recording: Recording, expected: Expected) -> Finding:
         mistake = f"{' or '.join(turned)} is probably reversed (sign = -1 in the mapping)"
         mistake = f"{exchanged} are probably exchanged" if exchanged else mistake
         return Finding("unfit", f"the response has the wrong sign: {listed}; {mistake}", values)
-    doubts = [f"the sign of {c} -> {r} cannot be told: {why}" for (c, r), why in untold.items()]
-    doubts += [f"the sign of {c} -> {r} cannot be told: it hardly acts" for c, r in faint]
+    open_ = [f"the sign of {c} -> {r} cannot be told: {why}" for (c, r), why in untold.items()]
+    doubts = [f"the sign of {c} -> {r} cannot be told: it hardly acts" for c, r in faint]
     doubts += [
         f"{c} -> {r} has the wrong sign, which no reversed or exchanged column explains"
         for c, r in wrong
     ]
     doubts += _of_another_size(right, slopes, expected.slopes)
     if not right:
-        note = "; ".join(doubts) or "too little motion to tell"
+        note = "; ".join([*open_, *doubts]) or "too little motion to tell"
         return Finding("not checked", note, values, doubt=bool(doubts))
     seen = ", ".join(f"{c} -> {r}" for c, r in right)
-    note = "; ".join([f"as expected: {seen}", *doubts])
+    note = "; ".join([f"as expected: {seen}", *open_, *doubts])
     return Finding("pass", note, values, doubt=bool(doubts))
 
 

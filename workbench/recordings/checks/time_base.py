@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.model.units import in_time
-from workbench.recordings.checks.check import Finding, check
-from workbench.recordings.checks.expected import Expected
+from workbench.recordings.checks.check import MIN_SAMPLES, Finding, check
+from workbench.recordings.checks.expected import Expected, expectations
 from workbench.recordings.recording import Recording
 from workbench.recordings.resampling import low_pass, resample
 
@@ -136,7 +136,6 @@ def _shown(recording: Recording, deviation: Vector, step: float) -> bool:
 _FINER = ((1e3, "ms"), (1e6, "us"), (1e9, "ns"))
 _EPOCH = (1e9, 4e9)
 """Seconds since 1970 from 2001 to 2096."""
-_MIN_SAMPLES = 20
 _SHORTEST_STEP = 1e-8
 _LONGEST_STEP = 1e5
 """A day and more; where no model says how fast the machine is, one that is sampled more slowly is
@@ -158,7 +157,7 @@ def _in_order(recording: Recording) -> tuple[Recording, str] | str:
     back = f"the time runs backwards {breaks.size} time(s), the first after {time[breaks[0]]:g} s"
     edges = [0, *(breaks + 1), len(time)]
     first, stop = max(pairwise(edges), key=lambda ends: ends[1] - ends[0])
-    if stop - first < max(0.5 * len(time), _MIN_SAMPLES):
+    if stop - first < max(0.5 * len(time), MIN_SAMPLES):
         split = "no stretch holds half of the recording: split the file where the clock restarts"
         return f"{back}; {split}"
     kept = f"the longest stretch was kept ({stop - first} of {len(time)} rows)"
@@ -279,8 +278,8 @@ def _speed_problem(recording: Recording, expected: Expected) -> tuple[str, bool]
 def check_time_base(recording: Recording, expected: Expected) -> Finding:
     """Check that the time increases and agrees with the notes; correct what can be."""
     n = len(recording)
-    if n < _MIN_SAMPLES:
-        return Finding("unfit", f"{n} samples; a judgement needs {_MIN_SAMPLES} or more")
+    if n < MIN_SAMPLES:
+        return Finding("unfit", f"{n} samples; a judgement needs {MIN_SAMPLES} or more")
     if np.ptp(recording.time) == 0:
         return Finding("unfit", "the time never advances")
     notes = []
@@ -315,3 +314,8 @@ def check_time_base(recording: Recording, expected: Expected) -> Finding:
     )
     doubts = [text for text in (untold, problem) if text]
     return Finding("pass", "; ".join([note, *doubts]), values, doubt=bool(doubts))
+
+
+def in_order(recording: Recording) -> Recording:
+    """Return a recording whose time increases, where its rows tell how: an export repeats some."""
+    return check_time_base(recording, expectations(recording)).recording or recording

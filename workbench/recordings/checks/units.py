@@ -49,6 +49,8 @@ def check_gauge(recording: Recording, expected: Expected) -> Finding:
     above = any(e > 0.4 * AMBIENT_PA for e in excess)
     shifted = all(e < 1.4 * AMBIENT_PA for e in excess)
     values = {"lowest": low, "highest": high}
+    unit = recording.signal(names[0]).display_unit
+    least = f"{from_si(min(low.values()), unit):.3g} {unit}"
     if floored and shifted and (vented or above):
         changed = recording
         for name in names:
@@ -58,14 +60,15 @@ def check_gauge(recording: Recording, expected: Expected) -> Finding:
             )
         why = ["never below ambient"]
         why += ["resting there"] * vented + ["above their range"] * above
-        note = f"{', '.join(names)} look absolute ({', '.join(why)}); 1.01325 bar subtracted"
+        ambient = f"{from_si(AMBIENT_PA, unit):.6g} {unit}"
+        note = f"{', '.join(names)} look absolute ({', '.join(why)}); {ambient} subtracted"
         return Finding("corrected", note, values, changed)
     if min(low.values()) < 0.5 * AMBIENT_PA:
-        return Finding("pass", f"falls to {min(low.values()) / 1e5:.3g} bar, so gauge", values)
+        return Finding("pass", f"falls to {least}, so gauge", values)
     if all(recording.signal(name).kind == "gauge pressure" for name in names):
         return Finding("pass", "stated as gauge", values)
     note = (
-        f"never below {min(low.values()) / 1e5:.3g} bar, so gauge cannot be told from "
+        f"never below {least}, so gauge cannot be told from "
         'absolute; taken as gauge (a mapping may state it: reference = "gauge")'
     )
     return Finding("not checked", note, values)
