@@ -16,6 +16,7 @@ from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.model.model import Model
 from workbench.model.quantities import Input, Output, Parameter, State
 from workbench.model.scope import Scope
+from workbench.model.sizes import poles_of
 from workbench.model.trace import Equations
 from workbench.model.traits import Traits
 
@@ -234,10 +235,16 @@ def model_of_system(
         description="linear system",
         traits=Traits(passing=states[len(states) - passing :]),
     )
-    # Where nobody says how far outputs go, the one that goes farthest counts by its unit.
-    farthest = max([1.0, *(q.scale for q in model.outputs if not q.sized)])
-    read = tuple(q if q.sized else replace(q, scale=q.scale / farthest) for q in model.outputs)
-    return replace(model, outputs=read)
+    size = np.array([q.scale or 1.0 for q in model.states])
+    a = A * size / size[:, None]
+
+    def read(q: Output, row: Vector) -> Output:
+        """Return an output; one that integrates goes anywhere, and counts by its unit at most."""
+        seen, _ = reached(a.T, (row * size)[:, None])
+        endless = not q.sized and np.any(poles_of(seen.T @ a @ seen) == 0.0)
+        return replace(q, scale=min(q.scale, 1.0)) if endless else q
+
+    return replace(model, outputs=tuple(map(read, model.outputs, C)))
 
 
 def proper_system(system: Any, what: str) -> Any:

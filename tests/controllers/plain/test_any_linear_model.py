@@ -775,7 +775,7 @@ def test_a_reference_brakes_where_a_plant_has_no_more_than_its_commands(tmp_path
     law = designed("plain-pid", bath, sample_time=2.0)
     found = stepped(law, bath.operating_point.model, "y", 1.0, 3.0, hold=1500.0)
     # All of it takes 780 s.
-    assert found["settling_time"] < 900.0 and found["overshoot"] < 0.02
+    assert found["settling_time"] < 930.0 and found["overshoot"] < 0.025
     in_c, state = InC(law, tmp_path), law.initial_state((0.0,))
     in_c.start(np.zeros(1))
     moves = []

