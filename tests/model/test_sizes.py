@@ -20,6 +20,7 @@ from controllers.sensitivity import peak_sensitivities
 from tests.machines import at_rest, machine
 from workbench.diagnosis.location.isolability import transfers
 from workbench.diagnosis.location.structure import cut
+from workbench.errors import WorkbenchError
 from workbench.linearisation import linear_model, linearise
 from workbench.linearisation.time_scales import step_time
 from workbench.model import Input, Model, Output, Parameter, Scope, State
@@ -254,6 +255,15 @@ def test_the_unit_of_an_output_is_none_of_the_others(integrates: bool) -> None:
     # What integrates goes anywhere: by its unit at most.
     goes = 1.0 if integrates else 1e5 * p
     assert scales(1e5, 1e-3) == pytest.approx([goes, 1e-3 * q]) and (p == 1.0) == integrates
+
+
+def test_what_is_no_number_in_a_linear_system_is_said() -> None:
+    for system, said in (
+        (ct.ss([[-1.0, math.nan], [0, -1]], [[0], [1]], [[1, 0]], 0), "matrix A .* index 1"),
+        (ct.tf([1.0], [1.0, math.nan]), "the denominator .* index 1"),
+    ):
+        with pytest.raises(WorkbenchError, match=said):
+            linear_model(system)
 
 
 def crane() -> Model:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Complex, Matrix, Vector
-from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
+from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_finite, check_range
 from workbench.model.model import Model
 from workbench.model.quantities import Input, Output, Parameter, State
 from workbench.model.scope import Scope
@@ -269,6 +269,12 @@ def proper_system(system: Any, what: str) -> Any:
             f"{what} is a {type(system).__name__}; give a LinearModel, or a python-control"
             " StateSpace or TransferFunction"
         )
+    told = {letter: f"matrix {letter}" for letter in "ABCD"}
+    for part, called in (told | {"num": "the numerator", "den": "the denominator"}).items():
+        held = getattr(system, part, ())
+        nested = isinstance(held, list) or np.asarray(held).dtype.hasobject
+        each = [p for row in held for p in row] if nested else [held]
+        check_finite(f"{called} of {what}", np.concatenate([np.ravel(p) for p in each]))
     try:
         if not scipys:
             fraction = isinstance(system, ct.TransferFunction) and not system.dt
