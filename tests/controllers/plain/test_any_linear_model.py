@@ -452,6 +452,14 @@ def test_no_design_is_fast_by_going_far_the_wrong_way(name: str) -> None:
     assert peak_sensitivities(law, linear)[0] < 1.85
 
 
+@pytest.mark.skipif(not has_slycot(), reason="needs slycot")
+@pytest.mark.parametrize("plant", ["(1 - 5 s)/(s^2 + 0.1 s + 1)", "(1 - 5 s)^2/(s + 1)^3"])
+def test_an_h_infinity_controller_is_calmer_where_no_usual_one_is_within_limits(plant: str) -> None:
+    linear = linear_model(plant, limits=3.0)
+    law = designed("plain-h-infinity", linear, sample_time=usual_sample_time(linear, ["y"]))
+    assert peak_sensitivities(law, linear)[0] < 1.8
+
+
 def test_two_delays_are_whole_samples_where_they_can_be() -> None:
     linear = linear_model("-2 exp(-3 s)(1 - 0.5 s)/((s + 1)(0.1 s + 1))", limits=2.0)
     # Of both 40 samples at most: 5 and 30 are no longer ones than 40 of the sum by much.
