@@ -431,7 +431,6 @@ def test_what_one_of_more_commands_cannot_give_the_others_do(name: str, tmp_path
     assert np.abs(C @ x - asked).max() < 0.02
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("pace", [1e-9, 1.0, 1e9])
 @pytest.mark.parametrize("units", [(1e-9, 1e9, 1e9, 1e-9), (1e5, 2e10, 6e-10, 3e5)])
 def test_what_commands_hold_is_alike_in_any_unit(
@@ -445,6 +444,7 @@ def test_what_commands_hold_is_alike_in_any_unit(
     assert loop_of(linear).measured == ("p", "q")
 
 
+@pytest.mark.long
 def test_late_outputs_of_unlike_size_are_led_as_fast_as_they_can_be() -> None:
     """Of two outputs of Ogunnaike and Ray's column one goes ten times as far as the other."""
 
