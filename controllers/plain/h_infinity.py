@@ -8,6 +8,7 @@ commands.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from functools import cache, partial
@@ -16,12 +17,12 @@ import numpy as np
 
 from controllers.design import Design
 from controllers.h_infinity.synthesis import Weights, synthesise
-from controllers.plain.limits import LoopLimits, LoopSpecification
+from controllers.plain.limits import NEARLY, LoopLimits, LoopSpecification
 from controllers.plain.loop import Loop
 from controllers.plain.measured_outputs import designed_for
 from controllers.plain.pace import at_pace, best_at_pace, swing
 from controllers.plain.references import better, entering, lags, led, unexcited
-from controllers.plain.selection import best_of
+from controllers.plain.selection import Place, best_of
 from controllers.plain.state_feedback import reachable_speed, reading_helps
 from controllers.plain.transfer_law import TransferLaw, sampled_controller
 from workbench.errors import NumericalError, WorkbenchError, check_range
@@ -51,10 +52,10 @@ PACES = tuple(2.0 ** (k / 2.0) for k in range(-8, 9))
 """Speeds of the errors of several outputs that are tried, over that of all."""
 
 INPUT_SIZES = (8.0, 1.0, 0.4, 0.2)
-HOLDING_SIZES = (*INPUT_SIZES, 0.05, 0.01)
-"""Sizes of the command that are tried, over that at which the plant moves the output by itself;
-also of one that is unstable, of which a controller that takes little more than it must is stable by
-itself more often."""
+CALM_SIZES = (0.05, 0.01)
+"""Sizes of the command that are tried, over that at which the plant moves the output by itself; and
+those where none of these is within limits. All are tried of a plant that is unstable, of which a
+controller that takes little more than it must is stable by itself more often."""
 
 BESIDES = (0.1, 0.01)
 """Errors of what nobody follows, over a change of a reference, ratios: the next where no controller
@@ -85,24 +86,32 @@ def _within(want: PlainHInfinitySpecification, limits: LoopLimits) -> TransferLa
 
     about = 0.0 if want.speed else reachable_speed(limits)
     tried = [about * factor for factor in FACTORS] if about else [want.speed]
-    sizes = HOLDING_SIZES if limits.growing else INPUT_SIZES
     alike = (PACES.index(1.0),) * limits.outputs
     count = len(PACES) if limits.outputs > 1 and about else 0
-    reason = NumericalError("")
-    for beside in BESIDES if loop.read else BESIDES[:1]:
+    reason: WorkbenchError = NumericalError("")
+    found: list[tuple[float, Place]] = []
+    every = INPUT_SIZES + CALM_SIZES
+    grids = [every] if limits.growing else [INPUT_SIZES, CALM_SIZES]
+    for sizes, beside in itertools.product(grids, BESIDES if loop.read else BESIDES[:1]):
+        places = [(alike, (w, size, beside)) for w in tried for size in sizes]
         try:
-            places = [(alike, (w, size, beside)) for w in tried for size in sizes]
-            _, (steps, at) = best_of(limits, designed, places, "an H-infinity controller", count)
-            break
-        except NumericalError as error:
+            designed_law, place = best_of(
+                limits, designed, places, "an H-infinity controller", count
+            )
+        except WorkbenchError as error:
             reason = error
-    else:
-        if want.speed:
+            continue
+        found.append((limits.excess(designed_law), place))
+        if found[-1][0] <= NEARLY or sizes is grids[-1]:
+            break
+    if not found:
+        if want.speed or not isinstance(reason, NumericalError):
             raise reason
         raise WorkbenchError(
             f"no H-infinity controller of {loop.words} is found at any speed that was tried"
             f" ({str(reason).partition(';')[0]}); take another family, such as lqi"
         )
+    _, (steps, at) = min(found, key=lambda each: each[0])
     law, speeds = made(steps, *at), led_at(steps, at[0])
     own, limits = law.around_rest(), limits.late
     mild = led(limits, law.behind_lags, lags(limits, speeds))

@@ -110,7 +110,10 @@ def of_whole_samples(
         return usual
     # More samples of it than steps reckon with make no loop any faster.
     most = max(MOST_LATE // max(commands, 1), FEWEST)
-    part = behind / min(max(math.ceil(behind / usual - 1e-9), 1), most)
+    count = min(max(math.ceil(behind / usual - 1e-9), 1), most)
+    # Up to twice as long, each of two delays may be whole samples, and not their sum alone.
+    shares = ((n, n * (delay or 0.0) / behind) for n in range(count, count // 2, -1))
+    part = behind / next((n for n, own in shares if abs(own - round(own)) < SAME * n), count)
     # A sum of delays ends in what its last digits make of it.
     part = float(f"{part:.12g}")
     return part if part >= FINER * usual and (part > usual or delay is not None) else usual
@@ -257,7 +260,8 @@ class LoopLimits:
         h = self.want.sample_time
         count = round(self.want.delay / h)
         own = max(self._channels.delays, default=0.0) / h if self._channels else 0.0
-        if not 0 < count + own <= MOST_LATE:
+        # A delay that is no whole samples is rounded up to some.
+        if not 0 < count + own < MOST_LATE + 1:
             return self
         return replace(self, late_by=count, exact=own > 0.0)
 

@@ -308,25 +308,30 @@ def _moved(linear: LinearModel) -> Matrix:
 
 
 def _rank_lost(linear: LinearModel) -> Vector | None:
-    """Return the sum of outputs, in their scales, that no inputs move to rest elsewhere, if any.
+    """Return the sum of outputs, each in a size of its own, that no inputs move at rest, if any.
 
     Source: Skogestad and Postlethwaite, Multivariable Feedback Control, 2005, section 4.5.
     """
-    size, n = linear.state_scales, len(linear.A)
-    scale = np.array([q.scale for q in outputs_of(linear)])
-    table = np.block([[linear.A, linear.B], [linear.C, linear.D]])
-    table = table * np.append(size, np.ones(linear.B.shape[1]))
-    table = table / np.append(np.ones(n), scale)[:, None]
+    size = linear.state_scales
+    # Commands and outputs of any size take nothing from what states, in theirs, do to each other.
+    paces = _even(np.abs(linear.A * size).max(axis=1, initial=0.0))
+    A, B = linear.A * size / paces[:, None], linear.B / paces[:, None]
+    acts = _even(np.abs(B).max(axis=0, initial=0.0))
+    shows = _even(np.abs(linear.C * size).max(axis=1, initial=0.0))[:, None]
+    table = np.block([[A, B / acts], [linear.C * size / shows, linear.D / acts / shows]])
     for _ in range(3):
-        columns = np.maximum(np.abs(table).max(axis=0), 1e-300)
-        table = table / columns
-        rows = np.maximum(np.abs(table).max(axis=1), 1e-300)
-        table = table / rows[:, None]
-        scale = scale * rows[n:]
+        table = table / np.maximum(np.abs(table).max(axis=0), 1e-300)
+        table = table / np.maximum(np.abs(table).max(axis=1), 1e-300)[:, None]
     left, values, _ = np.linalg.svd(table)
     if len(values) == len(table) and values[-1] > HELD * values[0]:
         return None
-    return np.asarray(left[n:, -1])
+    lost = left[len(A) :, -1]
+    return np.asarray(lost) if np.abs(lost).max() > HELD else None
+
+
+def _even(sizes: Vector) -> Vector:
+    """Return sizes to divide by: 1 for none."""
+    return np.where(sizes > 0.0, sizes, 1.0)
 
 
 def _check_growing(linear: LinearModel) -> None:

@@ -122,5 +122,5 @@ def much_better(
     if len(found) < 2:
         return False
     least = np.min([one.least for one in found], axis=0)
-    without, with_it = (float(one.cost(limits.want.overshoot, least)[0]) for one in found)
+    without, with_it = (float(one.cost(limits.want.overshoot, least=least)[0]) for one in found)
     return with_it < MUCH * without

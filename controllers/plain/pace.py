@@ -196,8 +196,9 @@ def _paced(limits: LoopLimits, law: Any, i: int, size: Vector, paces: Matrix) ->
     counted = np.abs(away) * (scale[i] / scale)[:, None]
     errors = np.tensordot(np.arange(len(away)), counted.sum(axis=1), 1)
     over = np.maximum(away[:, i].max(axis=0) - limits.want.overshoot, 0.0)
+    under = np.maximum(-1.0 - away[:, i].min(axis=0) - limits.want.overshoot, 0.0)
     moved = np.where(own[:, None], 0.0, counted).max(axis=(0, 1))
-    penalty = (1.0 + OVERSHOT * over) * (1.0 + moved)
+    penalty = (1.0 + OVERSHOT * over) * (1.0 + under) * (1.0 + moved)
     left = np.abs(away[-1, i])
     return np.array([errors, penalty, left]).reshape(3, len(paces), -1)
 

@@ -9,7 +9,8 @@ With the plant's gain G at rest (its limit from above where it integrates), comm
 A pair with a negative relative gain, or pairs with a negative index of a stable plant, are unstable
 with the other loops closed or with one of them open, however slow they are. A change of g_ij by
 -1 / RGA_ij of itself makes G singular. A zero z in the right half plane bounds the speed of what
-it shows in to about z / 2, an unstable pole p from below to about 2 p.
+it shows in to about z / 2, if that shall not go far the wrong way, an unstable pole p from below to
+about 2 p.
 
 Source: Bristol, On a new measure of interaction for multivariable process control, IEEE Trans.
 AC-11, 1966; Niederlinski, A heuristic approach to the design of linear multivariable interacting
@@ -31,6 +32,7 @@ from workbench.arrays import Complex, Matrix
 from workbench.errors import WorkbenchError
 from workbench.linearisation.exact_delays import channels_of
 from workbench.model.linear_system import PADE_ABOVE
+from workbench.model.units import in_time
 
 STRONG = 5.0
 """Relative gain from which on outputs can hardly be told apart by their commands."""
@@ -243,11 +245,23 @@ def wrong_way(loop: Loop) -> list[str]:
     single = len(loop.measured) == 1
     what = loop.measured[0] if single else "some combination of the outputs"
     return [
-        f"a zero in the right half plane at {_rate(z)}: {what} answers the wrong way first, and is"
-        f" no faster than about {abs(z) / 2.0:.3g} rad/s, whatever the controller"
+        f"a zero in the right half plane at {_rate(z)}: {what} answers the wrong way first,"
+        f" whatever the controller{_no_faster(z)}"
         for z in sorted(late.values(), key=abs)
         if not single or abs(z) < _AMONG * fastest
     ]
+
+
+def _no_faster(z: complex) -> str:
+    """Say what a zero, in rad/s, asks of a loop that is fast.
+
+    Source: Middleton, Trade-offs in linear control system design, Automatica 27, 1991: a step that
+    settles in T goes by 1 / (exp(z T) - 1) of it the wrong way, or more.
+    """
+    if z.imag:
+        return f"; loops with margins are as a rule no faster than about {abs(z) / 2.0:.3g} rad/s"
+    soon = in_time(math.log(2.0) / z.real)
+    return f", and by more than its step where that settles within {soon}"
 
 
 _AMONG = 10.0

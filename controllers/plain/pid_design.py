@@ -112,7 +112,13 @@ def _within(linear: LinearModel, want: PlainPIDSpecification, limits: LoopLimits
 
 
 def _best(limits: LoopLimits, want: PlainPIDSpecification) -> _PIDs:
-    tuned = [_tuned(_PIDLimits(limits, want, one.mix), one) for one in _begun(limits, want)]
+    tuned = []
+    for one in _begun(limits, want):
+        own = _PIDLimits(limits, want, one.mix)
+        tuned.append(_tuned(own, one))
+        if np.any(one.answer.undershoot > want.overshoot):
+            # The way to better gains may lead by some that go far the wrong way.
+            tuned.append(_tuned(own, _tuned(own, one, math.inf)))
     return _best_of(tuned, want.overshoot)
 
 
@@ -120,11 +126,16 @@ STEPS = (2.0, 1.5, 1.5, 1.5, 1.3, 1.3, 1.3, 1.15, 1.15, 1.15, 1.07, 1.07)
 """Factors by which each gain is changed, as long as that is better."""
 
 
-def _tuned(own: _PIDLimits, start: _PIDs) -> _PIDs:
-    """Return PIDs whose gains are changed as long as that makes the loop of all better."""
-    allowed, n = own.want.overshoot, len(start.gains)
+def _tuned(own: _PIDLimits, start: _PIDs, backwards: float | None = None) -> _PIDs:
+    """Return PIDs whose gains are changed as long as that makes the loop of all better.
+
+    Args:
+        backwards: How far a step may go the wrong way, as a fraction of it; as far as it may
+            overshoot by default.
+    """
+    allowed, n = (own.want.overshoot, backwards), len(start.gains)
     gains, weight, best = start.gains, start.weight, start.answer
-    error, stuck = best.cost(allowed, start.least)[0], 0.0
+    error, stuck = best.cost(*allowed, least=start.least)[0], 0.0
     for step in STEPS:
         if step == stuck:
             continue
@@ -137,7 +148,7 @@ def _tuned(own: _PIDLimits, start: _PIDs) -> _PIDs:
             may = np.flatnonzero(own.stable(gains * changes))
             tries = (gains * changes)[may]
             weights, found = own.weighed(tries)
-            errors = found.cost(allowed, start.least)
+            errors = found.cost(*allowed, least=start.least)
             for k in np.flatnonzero(errors < error):
                 if own.limits.judge(own.laws(tries[[k]])).excess <= start.excess:
                     gains, weight, error, stuck = tries[k], weights[k], errors[k], 0.0
@@ -182,7 +193,7 @@ MUCH_BETTER = 1.5
 def _badness(found: Sequence[_PIDs], overshoot: float) -> list[float]:
     """Return how bad PIDs are beside each other, ratios; those of several commands are worse."""
     least = np.min([one.answer.least for one in found], axis=0)
-    costs = [one.excess**4 * float(one.answer.cost(overshoot, least)[0]) for one in found]
+    costs = [one.excess**4 * float(one.answer.cost(overshoot, least=least)[0]) for one in found]
     return [
         own * (MUCH_BETTER if one.mixed else 1.0) for own, one in zip(costs, found, strict=True)
     ]

@@ -43,8 +43,13 @@ def led(
     best = []
     for i in range(p):
         own = [i, *range(p, reached.errors.shape[1])]
-        alone = reached.overshoot[:, [i]], reached.interaction[:, [i]]
-        costs = Answer(*alone, reached.errors[:, own]).cost(limits.want.overshoot)
+        alone = Answer(
+            reached.overshoot[:, [i]],
+            reached.undershoot[:, [i]],
+            reached.interaction[:, [i]],
+            reached.errors[:, own],
+        )
+        costs = alone.cost(limits.want.overshoot)
         best.append(tried[int(np.argmin(costs))][i])
     return entered(tuple(best))
 

@@ -3,12 +3,17 @@
 The cost of a loop is the sum of the integrals of time by absolute error after a step of each
 reference and of each load, what other outputs do counted in their scales, each over the least that
 any loop has; a step that overshoots by a percent more than it may counts as a tenth of it more, one
-that moves another output by as much as its own as four times.
+that moves another output by as much as its own as four times, and one that first goes as far the
+wrong way as eight times. By a zero at z in the right half plane, one that settles in T goes by
+1 / (exp(z T) - 1) of it at least: by 1 / (z T) if it is fast, which is worth less than T by the
+third power alone.
 
 Units: SI.
 
-Source: Graham and Lathrop, The synthesis of optimum transient response, AIEE Trans. 72, 1953 (time
-by absolute error).
+Source:
+    Graham and Lathrop, The synthesis of optimum transient response, AIEE Trans. 72, 1953 (time by
+    absolute error).
+    Middleton, Trade-offs in linear control system design, Automatica 27, 1991 (zeros).
 """
 
 from __future__ import annotations
@@ -40,6 +45,7 @@ class Answer(NamedTuple):
 
     Args:
         overshoot: Of a step of each reference, shape (n, n_outputs), as fractions of it.
+        undershoot: How far it goes the wrong way, the same.
         interaction: Most that such a step moves another output, shape (n, n_outputs), in their
             scales as a fraction of it.
         errors: Integrals of time by absolute error, shape (n, n_steps): after a step of each
@@ -47,6 +53,7 @@ class Answer(NamedTuple):
     """
 
     overshoot: Vector
+    undershoot: Vector
     interaction: Vector
     errors: Matrix
 
@@ -55,13 +62,18 @@ class Answer(NamedTuple):
         """Least errors that any loop has, shape (n_steps,)."""
         return np.asarray(self.errors.min(axis=0, initial=math.inf))
 
-    def cost(self, overshoot: float, least: Vector | None = None) -> Vector:
+    def cost(
+        self, overshoot: float, backwards: float | None = None, *, least: Vector | None = None
+    ) -> Vector:
         """Return the errors of loops over the least, of theirs by default, shape (n,), ratios.
 
-        An overshoot, as a fraction of a step, is allowed.
+        An overshoot, as a fraction of a step, is allowed, and as much the wrong way by default.
         """
-        beyond = np.maximum(self.overshoot.max(axis=1) - overshoot, 0.0)
-        penalty = (1.0 + OVERSHOT * beyond) * (1.0 + self.interaction.max(axis=1)) ** 2
+        over = np.maximum(self.overshoot.max(axis=1) - overshoot, 0.0)
+        wrong = overshoot if backwards is None else backwards
+        under = np.maximum(self.undershoot.max(axis=1) - wrong, 0.0)
+        penalty = (1.0 + OVERSHOT * over) * (1.0 + under) ** 3
+        penalty = penalty * (1.0 + self.interaction.max(axis=1)) ** 2
         errors = self.errors / (self.least if least is None else least)
         return np.asarray(np.sum(errors, axis=1) * penalty)
 
@@ -111,8 +123,8 @@ def answer(time: Vector, seen: Matrix, going: Matrix, scale: Vector) -> Answer:
     away = time[:, None] * np.sum(counted, axis=2)
     each = 0.5 * (away[:, 1:] + away[:, :-1]) * np.diff(time)[:, None] * going[:, 1:, None]
     own = seen[:, :, np.arange(p), np.arange(p)]
-    over, moved = ((part * going[:, :, None]).max(axis=1) for part in (own, others))
-    return Answer(over - 1.0, moved, each.sum(axis=1))
+    over, under, moved = ((part * going[:, :, None]).max(axis=1) for part in (own, -own, others))
+    return Answer(over - 1.0, under, moved, each.sum(axis=1))
 
 
 def answered(limits: LoopLimits, laws: LinearLaw) -> Answer:
@@ -189,7 +201,7 @@ def best_of(
             held = np.flatnonzero(judged.excess <= top)
             if not len(held):
                 break
-            costs = answered(limits, chosen(laws, held)).cost(allowed, least)
+            costs = answered(limits, chosen(laws, held)).cost(allowed, least=least)
             k = int(np.argmin(costs))
             if costs[k] > 0.98 * cost:
                 break

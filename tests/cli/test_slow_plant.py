@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from controllers.design import DESIGNS
 from controllers.plain.limits import LoopSpecification
 from controllers.plain.loop import loop_of
 from controllers.plain.selection import settled_after
@@ -22,6 +23,7 @@ from workbench.linearisation.first_step import _reached
 from workbench.linearisation.time_scales import reach_of, step_time, usual_sample_time
 from workbench.model import Input, Model, Output, State
 from workbench.operating_point import operating_point
+from workbench.study import step_trial
 from workbench.study.designs import ControllerRecipe
 from workbench.study.plants import PlantRecipe
 from workbench.study.step_trial import StepTrial
@@ -215,6 +217,30 @@ def test_a_step_that_takes_most_of_a_command_in_the_end_is_held_for_few_samples(
     _, (scenario, *_) = trial.prepared()
     # As long as the slow part takes, with samples that show the quick one: 2.25 million.
     assert 10_000 < scenario.samples < 15_000
+
+
+def test_a_design_that_leaves_a_command_at_rest_is_said_where_others_leave_none(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    two = [DESIGNS.get(name) for name in ("plain-pid", "lqi")]
+    monkeypatch.setattr(step_trial, "designs_for", lambda linear: two)
+    machine, said = PlantRecipe(f"{__name__}:three_heaters"), list[str]()
+    base = ControllerRecipe("", "", machine, ())
+    recipes, _ = StepTrial(machine, base, say=said.append).prepared()
+    assert [made.name for made in recipes] == ["lqi"]
+    assert "plain-pid: leaves c at rest, and is left out; -c plain-pid runs it" in said
+
+
+def three_heaters() -> Model:
+    return machine(
+        lambda m: (
+            {"x": m.u.a + 0.1 * m.u.c - m.x.x, "y": m.u.b + 0.1 * m.u.c - 2.0 * m.x.y},
+            {"x": m.x.x, "y": m.x.y},
+        ),
+        "x 1, y 1",
+        "a 1 -1 1, b 1 -1 1, c 1 -1 1",
+        "x 1, y 1",
+    )
 
 
 class Proportional:

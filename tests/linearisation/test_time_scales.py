@@ -70,8 +70,9 @@ def test_what_integrates_goes_as_far_whatever_slows_it_down() -> None:
 def test_a_fast_valve_does_not_set_the_pace_of_a_furnace() -> None:
     """Two periods of its spool, 0.13 s, are not the time in which anything gets warm."""
     valve = linear_model("3 / ((10 s + 1) (1e-4 s^2 + 0.01 s + 1))", limits={"u": (-1.0, 1.0)})
-    # All of the command warms by 0.3 a second: by a quarter of a unit in 0.83 s.
-    assert 0.83 < horizon_of(valve) < 1.3 * 0.83
+    # All of the command warms by 0.3 a second: by a quarter of how far it goes in 1.2 s.
+    far = valve.operating_point.model.outputs[0].scale
+    assert 1.0 < 0.25 * far / 0.3 < horizon_of(valve) < 1.3 * 0.25 * far / 0.3
     late = linear_model("2 exp(-0.001 s) / (s (0.5 s + 1))", limits={"u": (-5.0, 5.0)})
     assert 0.1 < horizon_of(late) < 1.5
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
+import control as ct
 import numpy as np
 import pytest
 
@@ -19,7 +20,8 @@ from controllers.sensitivity import peak_sensitivities
 from tests.machines import at_rest, machine
 from workbench.diagnosis.location.isolability import transfers
 from workbench.diagnosis.location.structure import cut
-from workbench.linearisation import linearise
+from workbench.errors import WorkbenchError
+from workbench.linearisation import linear_model, linearise
 from workbench.linearisation.time_scales import step_time
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.quantities import shown_in
@@ -237,6 +239,31 @@ def test_an_unstable_oscillation_gives_no_size_of_its_own() -> None:
         return max(q.scale for q in spiral.states)
 
     assert max(scale(g) for g in (0.5, 0.9, 1.0, 1.1)) < 4.0
+
+
+@pytest.mark.parametrize("integrates", [False, True])
+def test_the_unit_of_an_output_is_none_of_the_others(integrates: bool) -> None:
+    def scales(*units: float) -> list[float]:
+        A, B = np.array([[-1.0, 0.3], [0.2, -2.0]]), np.array([[1.0, 0.2], [0.0, 1.0]])
+        A[0, 0] *= not integrates
+        A[0, 1] *= not integrates
+        A[1, 0] *= not integrates
+        system = ct.ss(A, B, np.diag(units), np.zeros((2, 2)), outputs=["p", "q"])
+        return [q.scale for q in linear_model(system, limits=3.0).operating_point.model.outputs]
+
+    p, q = scales(1.0, 1.0)
+    # What integrates goes anywhere: by its unit at most.
+    goes = 1.0 if integrates else 1e5 * p
+    assert scales(1e5, 1e-3) == pytest.approx([goes, 1e-3 * q]) and (p == 1.0) == integrates
+
+
+def test_what_is_no_number_in_a_linear_system_is_said() -> None:
+    for system, said in (
+        (ct.ss([[-1.0, math.nan], [0, -1]], [[0], [1]], [[1, 0]], 0), "matrix A .* index 1"),
+        (ct.tf([1.0], [1.0, math.nan]), "the denominator .* index 1"),
+    ):
+        with pytest.raises(WorkbenchError, match=said):
+            linear_model(system)
 
 
 def crane() -> Model:

@@ -141,6 +141,15 @@ def test_a_zero_in_the_right_half_plane_is_told(plant: str, zero: str, shell: Sh
     assert ("wrong way" in said) == bool(zero)
 
 
+def test_a_step_that_goes_the_wrong_way_shows_it(shell: Shell) -> None:
+    told = shell("verify -c lqi -c plain-pid --limit 3 --plant", Path("(1 - 5 s)/(s + 1)^2"))
+    # ln 2 over the zero: one that settles within it goes by more than its step.
+    assert "by more than its step where that settles within 3.47 s" in told.err
+    assert "undershoot" in told.out and "every 10 ms" in told.out
+    told = shell("verify -c lqi -c plain-pid --limit 3 --plant", Path("1/(s + 1)^2"))
+    assert "overshoot" in told.out and "undershoot" not in told.out
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

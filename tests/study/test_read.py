@@ -140,6 +140,17 @@ def test_a_limit_without_a_unit_is_in_si(tmp_path: Path) -> None:
     assert str(study.demands[0]) == "settling_time at most 0.6 s"
 
 
+def test_a_limit_may_carry_its_unit(tmp_path: Path) -> None:
+    def told(limit: str) -> str:
+        text = ('limit = 0.6\nunit = "s"', f"limit = {limit}")
+        return str(load_study(small_study(tmp_path, text)).demands[0])
+
+    assert told('"600 ms"') == "settling_time at most 600 ms"
+    assert told('"0.6"') == told("0.6") == told('"0.6 s"') == "settling_time at most 0.6 s"
+    with pytest.raises(WorkbenchError, match="'0.6 V' has the unit 'V', which does not measure it"):
+        told('"0.6 V"')
+
+
 def test_effects_of_the_library(tmp_path: Path) -> None:
     varied = (
         '[variations."4 kg"]\nparameters = { load = "4 kg" }',

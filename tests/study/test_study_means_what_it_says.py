@@ -33,7 +33,7 @@ WRONG = {
     "true as a bandwidth": ("bandwidth = 30.0", "bandwidth = true", "give a number"),
     "true as a load": ('[plant]\nload = "3 kg"', "[plant]\nload = true", "load"),
     "true as a limit": ("limit = 0.6", "limit = true", "limit is True; it must be a number"),
-    "text as a limit": ("limit = 0.6", 'limit = "0.6"', "must be a number"),
+    "text as a limit": ("limit = 0.6", 'limit = "soon"', "'soon' is not a number"),
     "a number as a unit": ('unit = "s"', "unit = 1", "unit is 1; it must be text"),
     "a list as a unit": ('unit = "s"', 'unit = ["s"]', "it must be text"),
     "text as times": ("times = [0.0, 0.1]", 'times = "soon"', "times"),

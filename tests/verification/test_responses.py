@@ -29,6 +29,12 @@ def test_overshoot_of_a_second_order_step(damping: float, initial: float, final:
     assert found.value == pytest.approx(expected, rel=1e-5)
 
 
+def test_undershoot_is_what_goes_the_wrong_way_from_the_start() -> None:
+    step = np.array([0.8, 0.9, 0.7, 0.3, 0.2])
+    assert responses.undershoot(step, initial=0.8, final=0.3).value == pytest.approx(0.2)
+    assert responses.undershoot(step[2:], initial=0.8, final=0.3).value == 0.0
+
+
 @pytest.mark.parametrize("damping", [0.2, 0.5, 0.7])
 def test_settling_of_a_second_order_step(damping: float) -> None:
     trajectory = second_order(damping)

@@ -336,11 +336,29 @@ class LinearModel(Drawn):
         if own is None:
             return [str(mode) for mode in self.modes]
         modes = find_modes(own.A, tuple(self.state_names[k] for k in own.kept))
-        late: dict[int, list[str]] = {}
-        for j, time in sorted(zip(own.commands, own.delays, strict=True)):
-            if time:
-                late.setdefault(j, []).append(in_time(time))
-        said = [f"{self.input_names[j]} acts {' and '.join(t)} late" for j, t in late.items()]
+        # What each command does to each output after each of its delays, in states' scales.
+        size = self.state_scales[list(own.kept)]
+        a, b, c = own.A * size / size[:, None], own.B / size[:, None], own.C * size
+        rate, moved = np.abs(a).max(initial=0.0) or 1.0, np.abs(own.D)
+        for _ in a:
+            moved, b = np.maximum(moved, np.abs(c @ b)), a @ b / rate
+        moves = moved > UNSEEN * moved.max(axis=0)
+        said = []
+        for j, command in enumerate(self.input_names):
+            each = {
+                output: tuple(
+                    in_time(time)
+                    for time, k, acts in sorted(zip(own.delays, own.commands, row, strict=True))
+                    if k == j and acts and time
+                )
+                for output, row in zip(self.output_names, moves, strict=True)
+                if any(k == j and acts for k, acts in zip(own.commands, row, strict=True))
+            }
+            alike = len(set(each.values())) == 1
+            late = {out: f"{' and '.join(times)} late" for out, times in each.items() if times}
+            words = [text if alike else f"{text} on {out}" for out, text in late.items()]
+            if words:
+                said.append(f"{command} acts {', '.join(dict.fromkeys(words))}")
         return [*map(str, modes), *said]
 
 

@@ -25,7 +25,7 @@ def linear_model(
 
     The names are those of its signals; ``u[0]`` becomes ``u_0``, or ``u`` if it is the only one.
     Its units are SI. Where no limits are given, the scale of an input is 1, and that of an output
-    what the inputs make of it, or 1 if that is more. It is a plant too:
+    what the inputs make of it, at most 1 if it integrates. It is a plant too:
     ``linear_model(system).operating_point.model``. The ``system`` of a `LinearModel` has its
     operating point still.
 

@@ -209,7 +209,7 @@ def _moved_within(linear: LinearModel, name: str, usual: float, step: float | No
     goal = asked if step and not output.sized else min(output.scale, asked)
     for told in (True, False):
         own = linear.select(inputs=[n for n in linear.input_names if (n not in silent) == told])
-        moved, far = _mover(own, name), goal
+        moved, far = _right_way(own, name), goal
         if not told:
             far = moved(AT_REST * usual) if np.all(linear.poles.real < 0.0) else math.inf
         time = usual
@@ -217,6 +217,21 @@ def _moved_within(linear: LinearModel, name: str, usual: float, step: float | No
             time *= 0.8
         found = min(found, usual if time == usual else rounded_up(time))
     return found
+
+
+def _right_way(linear: LinearModel, name: str) -> Callable[[float], float]:
+    """Return what tells how far all commands move an output, in SI, to where it comes to rest.
+
+    What goes the wrong way first moves it by nothing: no loop makes use of that.
+    """
+    moved = _moves(linear, name)
+    stable = np.all(linear.poles.real < 0.0)
+    way = np.sign(moved(REST / -float(linear.poles.real.max()))) if stable else 0.0
+    return lambda time: float(np.sum(np.abs(part := moved(time)), where=part * way >= 0.0))
+
+
+REST = 20.0
+"""Time after which a plant that is stable rests, over that of its slowest mode."""
 
 
 def _endless(command: Input) -> bool:

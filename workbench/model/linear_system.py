@@ -12,10 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Complex, Matrix, Vector
-from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
+from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_finite, check_range
 from workbench.model.model import Model
 from workbench.model.quantities import Input, Output, Parameter, State
 from workbench.model.scope import Scope
+from workbench.model.sizes import poles_of
 from workbench.model.trace import Equations
 from workbench.model.traits import Traits
 
@@ -234,10 +235,16 @@ def model_of_system(
         description="linear system",
         traits=Traits(passing=states[len(states) - passing :]),
     )
-    # Where nobody says how far outputs go, the one that goes farthest counts by its unit.
-    farthest = max([1.0, *(q.scale for q in model.outputs if not q.sized)])
-    read = tuple(q if q.sized else replace(q, scale=q.scale / farthest) for q in model.outputs)
-    return replace(model, outputs=read)
+    size = np.array([q.scale or 1.0 for q in model.states])
+    a = A * size / size[:, None]
+
+    def read(q: Output, row: Vector) -> Output:
+        """Return an output; one that integrates goes anywhere, and counts by its unit at most."""
+        seen, _ = reached(a.T, (row * size)[:, None])
+        endless = not q.sized and np.any(poles_of(seen.T @ a @ seen) == 0.0)
+        return replace(q, scale=min(q.scale, 1.0)) if endless else q
+
+    return replace(model, outputs=tuple(map(read, model.outputs, C)))
 
 
 def proper_system(system: Any, what: str) -> Any:
@@ -262,6 +269,12 @@ def proper_system(system: Any, what: str) -> Any:
             f"{what} is a {type(system).__name__}; give a LinearModel, or a python-control"
             " StateSpace or TransferFunction"
         )
+    told = {letter: f"matrix {letter}" for letter in "ABCD"}
+    for part, called in (told | {"num": "the numerator", "den": "the denominator"}).items():
+        held = getattr(system, part, ())
+        nested = isinstance(held, list) or np.asarray(held).dtype.hasobject
+        each = [p for row in held for p in row] if nested else [held]
+        check_finite(f"{called} of {what}", np.concatenate([np.ravel(p) for p in each]))
     try:
         if not scipys:
             fraction = isinstance(system, ct.TransferFunction) and not system.dt

@@ -101,6 +101,8 @@ class Field:
             return {name: self._read(item, (*place, name)) for name, item in value.items()}
         if not (self.unit in _FIXED or self.range) or isinstance(value, (bool, dict)):
             return value
+        if isinstance(value, str) and self.unit and self.unit not in _FIXED:
+            return value  # Who knows the unit reads it.
         unit = self.unit if self.unit in _FIXED else "1"
         try:
             given = quantity(str(place[-1]), value, unit)

@@ -56,7 +56,8 @@ from workbench.verification import (
     Tolerance,
     signal_from_table,
 )
-from workbench.verification.metrics import metric_sizes, metric_units, tolerance_of
+from workbench.verification.metrics import metric_of, metric_sizes, metric_units, tolerance_of
+from workbench.verification.requirements import limit_in_words
 from workbench.verification.signals import Signal
 
 SCHEMA = 1
@@ -629,6 +630,11 @@ class _Resolver:
                 check_choice("metric", table["metric"], units)
             given = {"unit": units[table["metric"]], **table}
             with self.at(*path, "limit"):
+                if isinstance(limit := table["limit"], str):
+                    about = metric_of(table["metric"], own_metrics)
+                    assert about is not None, "it is one of those that have a unit"
+                    words = limit_in_words(about, table["metric"], limit, given["unit"])
+                    given["limit"], given["unit"] = words
                 requirement = Requirement(**{k: v for k, v in given.items() if k in limits})
             with self.at(*path, "step"):
                 step = self.step(table) if "step" in table else None

@@ -7,7 +7,6 @@ that the controllers are designed on.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -38,12 +37,10 @@ from workbench.linearisation.time_scales import (
 from workbench.model import Model
 from workbench.model.quantities import of_names
 from workbench.model.units import (
-    convert,
     from_si,
     in_time,
     named_value,
     of_difference,
-    quantity,
     with_unit,
 )
 from workbench.operating_point import operating_point
@@ -56,6 +53,7 @@ from workbench.study.plants import PlantRecipe
 from workbench.study.study import NOMINAL, Case, Demand, Study, Variation, load_metrics
 from workbench.verification import Requirement, Scenario, Signal, Steps, step_scenario
 from workbench.verification.metrics import metric_of, metric_units
+from workbench.verification.requirements import limit_in_words
 
 Progress = Callable[[str, int, int, str], None]
 """Told what is being done, how many are done, of how many, and which one."""
@@ -378,7 +376,7 @@ class StepTrial:
         behind = _linear_behind(linear, scenario, taken if len(followed) == 1 else "")
         weak: list[str] = []
         found: list[ControllerRecipe] = []
-        partly: list[ControllerRecipe] = []
+        partly: dict[str, list[ControllerRecipe]] = {}
         refused: dict[str, list[str]] = {}
         every = self._names
         for number, made in enumerate(map(recipe, every)):
@@ -407,15 +405,21 @@ class StepTrial:
                     words = f"{made.name}: where the step ends it is {said.partition(';')[0]}"
                     weak.append(f"{words}; {_design_for_the_end(behind, scenario)}")
                 idle = [n for n in linear.input_names if n not in (*law.actuators, *only_measured)]
-                (partly if idle and not names else found).append(made)
+                others = partly.setdefault(", ".join(idle), []) if idle and not names else found
+                others.append(made)
         if progress and len(every) > 1:
             progress("designs", len(every), len(every), "")
         for sentence in (*weak, *(f"{', '.join(n)}: {reason}" for reason, n in refused.items())):
             self.say(sentence)
+        # Of designs that nobody asked for, those that command every input come first.
         if partly and not found:
-            # Of designs that nobody asked for, those that command every input come first.
-            self.say(f"what a design does not command rests, such as {', '.join(idle)}")
-            found = partly
+            self.say(f"what a design does not command rests, such as {list(partly)[-1]}")
+            found = [made for every in partly.values() for made in every]
+        else:
+            for resting, left_out in partly.items():
+                asked = " ".join(f"-c {made.name}" for made in left_out)
+                who = ", ".join(made.name for made in left_out)
+                self.say(f"{who}: leaves {resting} at rest, and is left out; {asked} runs it")
         if not found:
             raise WorkbenchError(
                 f"no design of the workbench fits {model.name!r}; give one of your own with"
@@ -473,11 +477,8 @@ class StepTrial:
         for name, value in pairs:
             metric = check_choice("metric", called.get(name, name), units)
             about = metric_of(metric, metrics)
-            level = about is not None and about.level
-            limit = quantity(f"limit of {metric}", value, units[metric], difference=not level)
-            unit = re.sub(r"^[-+.\d]+([eE][-+]?\d+)?\s*", "", value) or units[metric]
-            unit = unit if level else of_difference(unit)
-            wanted.append(Requirement(metric, float(convert(limit, units[metric], unit)), unit))
+            assert about is not None, "it is one of those that have a unit"
+            wanted.append(Requirement(metric, *limit_in_words(about, metric, value, units[metric])))
         demands = [Demand(r) for r in wanted or (Requirement(*r) for r in self.plant.requirements)]
         for demand in demands:
             check_demand(demand, units, scenarios, controllers, metrics)

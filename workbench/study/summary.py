@@ -16,6 +16,7 @@ from workbench.study.robustness import Robustness
 from workbench.study.tasks import Record
 from workbench.verification import MetricValue
 from workbench.verification.metrics import columns, labels_of
+from workbench.verification.responses import BAND
 
 MOST = 20
 """Entries of a list that are written out."""
@@ -68,7 +69,8 @@ def step_tables(outcome: StudyResult, plant: str) -> str:
     """Write a table of each scenario for a terminal, a row for each controller.
 
     Of several outputs, it holds those that step; of what a step does to others, the most, over the
-    output's scale.
+    output's scale; and how far they go the wrong way, where that is more than a step may be away
+    when it has settled.
     """
     study = outcome.study
     parts: list[str] = []
@@ -79,7 +81,10 @@ def step_tables(outcome: StudyResult, plant: str) -> str:
             for r in outcome.records
             if r.scenario == scenario and r.metrics is not None
         ]
-        labels = labels_of(columns("summary"), (n for _, m in done for n in m))
+        wrong = [m for _, found in done for m in found.values if m.name.endswith("undershoot")]
+        backwards = any(m.value > BAND for m in wrong)
+        named = (*columns("summary"), *(["undershoot"] if backwards else []))
+        labels = labels_of(named, (n for _, m in done for n in m))
         stepped = {n.removesuffix("settling_time") for n in labels if n.endswith("settling_time")}
         shown = [n for n in labels if n.rpartition(".")[0] in {p.rstrip(".") for p in stepped}]
         rows: list[list[str]] = []

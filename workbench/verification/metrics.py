@@ -466,6 +466,14 @@ OVERSHOOT = _of_step(
     zero=True,
     table="summary",
 )
+UNDERSHOOT = _of_step(
+    "undershoot",
+    _of_steps(lambda t, y, a, b: responses.undershoot(y, initial=a, final=b)),
+    "how far the output goes the wrong way from where it was, as a share of the step; worst step",
+    display_unit="%",
+    tolerance=OVERSHOOT.tolerance,
+    zero=True,
+)
 STEADY_ERROR = _of_rest(
     "steady_error",
     _at_rest(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from workbench.errors import WorkbenchError, check_choice, check_finite
-from workbench.model.units import convert, of_difference, parse_unit
-from workbench.verification.metrics import Metrics, metric_of
+from workbench.model.units import convert, of_difference, parse_unit, quantity
+from workbench.verification.metrics import Metric, Metrics, metric_of
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,20 @@ class Requirement:
             limit *= parse_unit(self.unit).factor / parse_unit(unit).factor
             object.__setattr__(self, "unit", unit)
             object.__setattr__(self, "limit", limit)
+
+
+def limit_in_words(metric: Metric, name: str, text: str, unit: str) -> tuple[float, str]:
+    """Return a limit on a metric that is written as text, and the unit that it is in.
+
+    Args:
+        name: The metric, as the user knows it.
+        text: Number with a unit, or without one.
+        unit: Unit of the metric, which is meant where the text has none.
+    """
+    limit = quantity(f"limit of {name}", text, unit, difference=not metric.level)
+    own = re.sub(r"^\s*[-+.\d]+([eE][-+]?\d+)?\s*", "", text).strip() or unit
+    own = own if metric.level else of_difference(own)
+    return float(convert(limit, unit, own)), own
 
 
 class Score(NamedTuple):

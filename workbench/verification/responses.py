@@ -83,6 +83,14 @@ def overshoot(trajectory: Vector, *, initial: float, final: float) -> Value:
     return Value(max(0.0, float(np.max((trajectory - final) / (final - initial)))))
 
 
+def undershoot(trajectory: Vector, *, initial: float, final: float) -> Value:
+    """Return how far a step response goes the wrong way, beyond its start, a fraction of the step.
+
+    It is 0 if it does not, and NaN without a step.
+    """
+    return overshoot(trajectory, initial=final, final=initial)
+
+
 def steady_error(time: Vector, error: Vector, *, window: float = 1.0) -> Value:
     """Return the mean error at the end of a record with a constant reference, as a magnitude.
 

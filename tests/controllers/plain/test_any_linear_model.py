@@ -16,6 +16,7 @@ import pytest
 from controllers.design import DESIGNS
 from controllers.h_infinity.synthesis import has_slycot
 from controllers.pid import design_pid
+from controllers.plain.limits import LoopLimits, of_whole_samples
 from controllers.plain.loop import loop_of
 from controllers.plain.pid_design import design_plain_pid
 from controllers.plain.selection import settled_after
@@ -435,6 +436,41 @@ def drum() -> Model:
     )
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(n, marks=[pytest.mark.skipif("infinity" in n and not has_slycot(), reason="")])
+        for n in ("plain-pid", "lqi", "plain-h-infinity")
+    ],
+)
+def test_no_design_is_fast_by_going_far_the_wrong_way(name: str) -> None:
+    linear = linear_model("(1 - 5 s)/(s + 1)^2", limits=3.0)
+    law = designed(name, linear, sample_time=0.01)
+    found = stepped(law, linear.operating_point.model, "y", 0.0, 0.5, hold=60.0)
+    # Any that settles in T goes by 1 / (exp(0.2 T) - 1): in 2.4 s by 162 %, in 10 s by 16 %.
+    assert found["undershoot"] < 0.5 and found["settling_time"] < 30.0
+    assert peak_sensitivities(law, linear)[0] < 1.85
+
+
+@pytest.mark.skipif(not has_slycot(), reason="needs slycot")
+@pytest.mark.parametrize("plant", ["(1 - 5 s)/(s^2 + 0.1 s + 1)", "(1 - 5 s)^2/(s + 1)^3"])
+def test_an_h_infinity_controller_is_calmer_where_no_usual_one_is_within_limits(plant: str) -> None:
+    linear = linear_model(plant, limits=3.0)
+    law = designed("plain-h-infinity", linear, sample_time=usual_sample_time(linear, ["y"]))
+    assert peak_sensitivities(law, linear)[0] < 1.8
+
+
+def test_two_delays_are_whole_samples_where_they_can_be() -> None:
+    linear = linear_model("-2 exp(-3 s)(1 - 0.5 s)/((s + 1)(0.1 s + 1))", limits=2.0)
+    # Of both 40 samples at most: 5 and 30 are no longer ones than 40 of the sum by much.
+    assert of_whole_samples(linear, 0.05, 1, 0.5) == pytest.approx(0.1)
+    assert of_whole_samples(linear, 0.05, 1) == pytest.approx(0.075)
+    # What no sample time divides is rounded up, and reckoned with all the same.
+    h = of_whole_samples(linear, 0.05, 1, 0.4999)
+    want = LQISpecification(sample_time=h, delay=math.ceil(0.4999 / h) * h)
+    assert LoopLimits(want.loop(linear), want).late.exact
+
+
 LIMITS = {
     # Time of settling that a PID by hand reaches, by SIMC's rule or a search on its gains, in s.
     "dead time": (dead_time(300.0, 60.0, -80.0), "y", 5.0, 0.5, 800.0),
@@ -775,7 +811,7 @@ def test_a_reference_brakes_where_a_plant_has_no_more_than_its_commands(tmp_path
     law = designed("plain-pid", bath, sample_time=2.0)
     found = stepped(law, bath.operating_point.model, "y", 1.0, 3.0, hold=1500.0)
     # All of it takes 780 s.
-    assert found["settling_time"] < 900.0 and found["overshoot"] < 0.02
+    assert found["settling_time"] < 930.0 and found["overshoot"] < 0.025
     in_c, state = InC(law, tmp_path), law.initial_state((0.0,))
     in_c.start(np.zeros(1))
     moves = []

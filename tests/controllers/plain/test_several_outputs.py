@@ -431,6 +431,19 @@ def test_what_one_of_more_commands_cannot_give_the_others_do(name: str, tmp_path
     assert np.abs(C @ x - asked).max() < 0.02
 
 
+@pytest.mark.parametrize("pace", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("units", [(1e-9, 1e9, 1e9, 1e-9), (1e5, 2e10, 6e-10, 3e5)])
+def test_what_commands_hold_is_alike_in_any_unit(
+    pace: float, units: tuple[float, float, float, float]
+) -> None:
+    A = np.array([[-1.0, 0.3, 0.0], [0.2, -2.0, 0.5], [0.0, 0.1, -0.5]]) / pace
+    B = np.array([[1.0, 0.2], [0.0, 1.0], [0.4, 0.0]]) / pace / units[:2]
+    C = np.array([[1.0, 0.0, 0.3], [0.0, 1.0, 0.0]]) * np.array(units[2:])[:, None]
+    linear = linear_model(ct.ss(A, B, C, np.zeros((2, 2)), outputs=["p", "q"]))
+    # By default those are followed that the commands hold independently.
+    assert loop_of(linear).measured == ("p", "q")
+
+
 @pytest.mark.long
 def test_late_outputs_of_unlike_size_are_led_as_fast_as_they_can_be() -> None:
     """Of two outputs of Ogunnaike and Ray's column one goes ten times as far as the other."""
@@ -447,7 +460,7 @@ def test_late_outputs_of_unlike_size_are_led_as_fast_as_they_can_be() -> None:
     linear = linear_model(column)
     outputs = linear.operating_point.model.outputs
     # Nobody says how far they go: each counts by how far the commands move it.
-    assert [round(q.scale, 2) for q in outputs] == [0.1, 1.0]
+    assert [q.scale for q in outputs] == pytest.approx([1.3, 16.0], rel=0.5)
     # Nor does anybody say that a command may go by 1, which would move one within a sample of 0.02.
     assert usual_sample_time(linear, linear.output_names) == usual_sample_time(linear) == 0.1
     want = LQISpecification(linear.output_names, sample_time=0.25)
@@ -501,7 +514,10 @@ def test_pairs_are_those_of_fast_loops_where_these_are_better() -> None:
 def test_what_stands_for_a_delay_is_told_as_one() -> None:
     late = linear_model("[3 exp(-12 s)/(90 s + 1), exp(-30 s)/(140 s + 1); 1, exp(-2 s)/s]")
     told = str(late)
-    assert "u_1 acts 12 s late\n  u_2 acts 2 s and 30 s late" in told
+    assert "u_1 acts 12 s late on y_1\n  u_2 acts 30 s late on y_1, 2 s late on y_2" in told
+    half = str(linear_model("[1/(s + 1), exp(-s)/(s + 2); 0, 3/(s^2 + s + 1)]"))
+    assert half.endswith("u_2 acts 1 s late on y_1")
+    assert str(linear_model("exp(-s)/(s + 2) + exp(-3 s)/s")).endswith("u acts 1 s and 3 s late")
     assert told.count("\n  mode ") == 3 and "140 s" in told
     # Only the zeros that are the plant's own are said.
     behind = linear_model("[exp(-9 s)/(s + 1), 0; 0, exp(-9 s) (1 - 2 s)/(s + 1)^2]")
