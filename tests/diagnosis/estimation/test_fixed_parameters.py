@@ -116,6 +116,26 @@ def test_a_value_that_nobody_refits_is_told_where_an_effect_stands_for_it(fitted
     assert found is None if fitted else found == ("L", pytest.approx(0.024, rel=2e-3))
 
 
+def test_a_gain_of_a_sensor_may_be_that_of_what_it_reads() -> None:
+    lag = machine(
+        lambda m: ({"x": (m.p.b * m.u.drive - m.x.x) / m.p.T}, {"y": m.x.x}),
+        "x m scale=1",
+        "drive m scale=1",
+        "y m 1e-3 scale=1",
+        # Nothing depends on the first one.
+        "spare kg 3 1 9, b 1 1 0.1 9, T s 0.5 0.1 2",
+    )
+    law = next(e for e in library(lag) if e.name == "sensor_gain_y")
+    model = lag.with_effect(law.at_size(0.1))
+    seen = simulated(
+        lag.with_parameters({"b": 1.2}), pushes(600, largest=3.0, seed=1), sample_time=0.02
+    )
+    priors = default_priors(model, ["T", "sensor_gain_y.excess"])
+    fit = fit_with_process_noise(model, [extended_start(seen, lag, model)], priors)
+    found = value_instead(fit, law.effect, "excess", lag, [seen])
+    assert found == ("b", pytest.approx(1.2, rel=2e-3))
+
+
 def test_what_all_else_scales_with_is_no_value_instead() -> None:
     def equations(m: Scope) -> dict[str, Any]:
         force = m.port("body.force", m.p.gain * m.u.drive - m.p.damping * m.x.speed, unit="N",

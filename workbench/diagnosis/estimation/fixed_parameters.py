@@ -179,7 +179,8 @@ def value_instead(
     own = left[:, k]
     for q, whole, other in zip(held, rows.T[len(free) :], left.T[len(free) :], strict=True):
         length, shared = float(other @ other), float(own @ other)
-        if length < _SEEN * float(whole @ whole) or shared**2 < _TWIN * length * float(own @ own):
+        # What nothing depends on has no length at all.
+        if length <= _SEEN * float(whole @ whole) or shared**2 < _TWIN * length * float(own @ own):
             continue
         value = q.value + fit.refit.estimates[k].value * shared / length
         # A mass that every force scales with would vanish with them.
