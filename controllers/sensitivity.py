@@ -40,8 +40,7 @@ def peak_sensitivities(controller: Controller, linear: LinearModel) -> tuple[flo
     Source:
         Åström and Hägglund, Advanced PID Control, 2006, section 4.6.
     """
-    loop = loop_matrices(controller, linear)
-    return peaks_of(loop, down_to_slow(loop, frequencies()))[:2]
+    return peaks(controller, linear)[:2]
 
 
 class Peaks(NamedTuple):
@@ -56,6 +55,12 @@ class Peaks(NamedTuple):
     sensitivity: float
     complementary: float
     bandwidth: float
+
+
+def peaks(controller: Controller, linear: LinearModel) -> Peaks:
+    """Compute the peaks of a loop opened at its first sensor, down to its slowest mode."""
+    loop = loop_matrices(controller, linear)
+    return peaks_of(loop, down_to_slow(loop, frequencies()))
 
 
 def peaks_of(loop_parts: LoopMatrices, angle: Matrix, sensor: int | None = 0) -> Peaks:

@@ -19,7 +19,7 @@ from controllers.plain.limits import LoopLimits, LoopSpecification
 from controllers.plain.loop import spare_outputs
 from controllers.plain.selection import Answer
 from controllers.plain.steps_on_equations import borne
-from controllers.sensitivity import down_to_slow, frequencies, loop_matrices, peaks_of
+from controllers.sensitivity import peaks
 from workbench.computing import in_one_thread
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
@@ -48,9 +48,7 @@ def designed_for(want: LoopSpecification, linear: Any, design: Makes[C], helps: 
     fast = want.trusted_frequency or math.inf
     if best.poor:
         law: Any = best.law
-        loop = loop_matrices(law, whole)
-        peaks = peaks_of(loop, down_to_slow(loop, frequencies()))
-        fast = min(fast, peaks.bandwidth / want.sample_time)
+        fast = min(fast, peaks(law, whole).bandwidth / want.sample_time)
     for share in SLOWER if best.poor and fast < math.inf else ():
         slower = replace(want, trusted_frequency=share * fast)
         # A plant that is unstable needs so much.

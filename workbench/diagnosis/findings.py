@@ -165,8 +165,7 @@ def _by_chance(held_out: tuple[float, float, float]) -> float:
 def _one(diagnosis: Diagnosis, name: str) -> bool:
     """Tell whether no input at all tells an effect from those that may stand for it."""
     advice = diagnosis.validated.advice if diagnosis.validated else {}
-    sigma, said = advice.get("separation_sigma"), str(advice.get("sentence", ""))
-    return sigma is not None and sigma < 1.0 and f"tells {name.replace('_', ' ')} from" in said
+    return name in advice.get("effects", ()) and advice["separation_sigma"] < 1.0
 
 
 def _instead(diagnosis: Diagnosis, name: str) -> list[str]:

@@ -61,10 +61,10 @@ def parameters_table(diagnosis: Diagnosis) -> Table:
     after = {e.name: e for e in diagnosis.extended.refit.as_read} if diagnosis.improved else {}
     for candidate, _ in diagnosis.accepted if after else ():
         effect = diagnosis.extended.model.effect(candidate.name)
-        # What is a curve now stands with its value in the middle of what was seen.
-        for value in [*along_curve(diagnosis.extended.model, effect).values()][1:2]:
-            if subject := after.get(effect.about.subject):
-                after[subject.name] = replace(subject, value=value)
+        curve = list(along_curve(diagnosis.extended.model, effect).values())
+        if curve and (subject := after.get(effect.about.subject)):
+            # What is a curve now stands with its value in the middle of what was seen.
+            after[subject.name] = replace(subject, value=curve[1])
     wrong = diagnosis.verdict.kind == "parameter"
     added = [n for n in after if n not in before]
     names = [*added, *before] if diagnosis.accepted else [*before, *added]

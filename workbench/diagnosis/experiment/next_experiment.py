@@ -144,6 +144,7 @@ def _deciding(
     names = f"{_plain(left[0].name)} from {' and '.join(_plain(e.name) for e in left[1:])}"
     step: dict[str, object] = {
         "experiment": best.experiment.text,
+        "effects": [e.name for e in left],
         "separation_sigma": round(float(best.sigma), 1),
         "sentence": f"{_capital(best.experiment.text)} would tell {names} by {best.sigma:.1f}"
         " standard deviations.",

@@ -48,7 +48,7 @@ _DRAWS = 12
 def settled_run(
     model: Model, nominal: Model, observed: Observed, noise_scale: float = MILD
 ) -> FreeRun:
-    """Run a model freely along a recording, from a start fitted to its first fortieth.
+    """Run a model freely along a recording, from a start fitted to as much as it shows in.
 
     Temperatures and speeds before the first sample are not read. A model that runs away from
     wherever it starts is run over windows.
